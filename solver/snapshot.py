@@ -1,0 +1,144 @@
+"""The snapshot: everything the team knows at a tick. Immutable; everybody reads it."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+from solver.arrays import BoolArray, FloatArray
+from solver.directives import CommentVerdict, Directives
+from solver.observations import Attack, Comment, HoldState, Link
+from solver.problem import Rung
+from solver.zones import Zone
+
+
+class TrackStatus(StrEnum):
+    """How well a target is known."""
+
+    UNKNOWN = "unknown"
+    """Never seen and no prior: not in the optimizer's problem."""
+
+    TRACKED = "tracked"
+    COASTING = "coasting"
+    """Predicted only: nobody has seen it lately."""
+
+    DROPPED = "dropped"
+
+
+class Guidance(StrEnum):
+    """The degradation ladder of the guidance in force."""
+
+    MODEL = "model"
+    LAST_VALID = "last_valid"
+    SOLVER = "solver"
+    HOLD = "hold"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RobotTable:
+    """All M robots of the team, lost ones included, in team order."""
+
+    ids: tuple[int, ...]
+    positions: FloatArray
+    """(M, 2) metres."""
+
+    velocities: FloatArray
+    """(M, 2) metres per second."""
+
+    altitudes: FloatArray
+    """(M,) metres."""
+
+    sensing_failed: BoolArray
+    links: tuple[Link, ...]
+    state_age_s: FloatArray
+    """(M,) seconds since the last own report."""
+
+    setpoint_velocities: FloatArray
+    """(M, 2) last command; zero for robots the planner does not fly."""
+
+    waypoints: FloatArray
+    """(M, 2) last commanded way-points."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TrackTable:
+    """All N targets, in mission order."""
+
+    ids: tuple[int, ...]
+    positions: FloatArray
+    """(N, 2)."""
+
+    velocities: FloatArray
+    """(N, 2); zero under the random-walk model."""
+
+    covariances: FloatArray
+    """(N, 2, 2) position covariance after the update."""
+
+    unseen_s: FloatArray
+    status: tuple[TrackStatus, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class SolveSummary:
+    """The last solve, for people: which rung, how long, what it cost."""
+
+    rung: Rung
+    objective: float
+    iterations: int
+    solve_s: float
+    """Thread time of the solve alone. Not part of what replay compares."""
+
+
+@dataclass(frozen=True, slots=True)
+class CommentReceipt:
+    """Where a comment stands. It closes when both loops have answered, or it expires."""
+
+    comment: Comment
+    task: CommentVerdict | None = None
+    task_reason: str = ""
+    action: CommentVerdict | None = None
+    action_reason: str = ""
+    expired: bool = False
+
+    @property
+    def status(self) -> str:
+        """Return received, considered, applied, partly_applied, noted, declined or expired."""
+        verdicts = [v for v in (self.task, self.action) if v is not None]
+        for verdict in (CommentVerdict.APPLIED, CommentVerdict.PARTLY):
+            if verdict in verdicts:
+                return verdict.value
+        if len(verdicts) == 2:
+            declined = CommentVerdict.DECLINED in verdicts
+            return (CommentVerdict.DECLINED if declined else CommentVerdict.NOTED).value
+        if self.expired:
+            return "expired"
+        return "considered" if verdicts else "received"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Snapshot:
+    """One tick of the mission."""
+
+    mission: str
+    tick: int
+    time_s: float
+    robots: RobotTable
+    tracks: TrackTable
+    zones: tuple[Zone, ...]
+    """Every zone anybody of the team knows."""
+
+    known: BoolArray
+    """(M, Z): robot i knows zone z."""
+
+    directives: Directives
+    hold: HoldState
+    trace: float
+    """Sum over tracked targets of tr P (position), square metres."""
+
+    solve: SolveSummary | None
+    attacks: tuple[Attack, ...]
+    """Those that became known since the last snapshot."""
+
+    receipts: tuple[CommentReceipt, ...]
+    """Comments that still stand, oldest first."""
+
+    guidance: Guidance
+    guidance_age_s: float
