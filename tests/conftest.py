@@ -1,0 +1,31 @@
+"""What holds for every test: no network beyond this machine, and one way to find a browser.
+
+The time-out of every test and "warnings are errors" stand in `pyproject.toml`.
+"""
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from tests.network import block_network
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+ROOT = Path(__file__).resolve().parent.parent
+
+
+def pytest_configure() -> None:
+    """Close the network before the first test module is imported."""
+    block_network()
+
+
+@pytest.fixture(scope="session")
+def root() -> Path:
+    """Return the folder of the checkout."""
+    return ROOT
+
+
+@pytest.fixture(scope="session")
+def chromium() -> str | None:
+    """Return the system's Chromium, None where Playwright shall use the one it downloaded."""
+    return next((path for name in BROWSERS if (path := shutil.which(name))), None)
