@@ -1,0 +1,195 @@
+"""Everything the mission core needs to know before the first tick.
+
+Made from a scenario (`server.scenarios`), read by the core and by whoever drives it.
+Plain immutable values, frame ENU, metres, seconds, so that a recording can carry it.
+"""
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import NamedTuple
+
+from solver.directives import Directives, Pairing, Weights
+from solver.estimation import FilterSettings
+from solver.observations import TargetPrior
+from solver.problem import Dynamics, SensorModel
+from solver.zones import Point, ZoneKind
+
+
+class Compat(StrEnum):
+    """Whose semantics a mission follows where ours and the paper authors' program differ."""
+
+    NONE = "none"
+    AUTHORS = "authors"
+    """Their measurement noise, jamming law, recovery rule, static prediction and priors, so
+    that figures can be compared; and their trace accounting beside ours."""
+
+
+class GateMode(StrEnum):
+    """What becomes of a verified proposal whose predicted effect is worse."""
+
+    OFF = "off"
+    """Adopted: nothing is predicted (the paper)."""
+
+    SHADOW = "shadow"
+    """Adopted; the prediction is only logged."""
+
+    AUTO = "auto"
+    """Refused when it is clearly worse."""
+
+    CONFIRM = "confirm"
+    """A person approves; silence refuses."""
+
+
+@dataclass(frozen=True, slots=True)
+class RobotSetup:
+    """One robot as the planner is told of it."""
+
+    id: int
+    position: Point
+    """Where it is expected before its first report, metres."""
+
+    altitude_m: float
+    control_lower: Point
+    control_upper: Point
+    """Box of u per axis: m/s (single integrator) or m/s^2 (double integrator)."""
+
+    speed_limit_m_s: float
+    """Bound on each axis of the velocity."""
+
+    capacity: int
+    """Most targets it tracks at once, before anybody changes it."""
+
+
+@dataclass(frozen=True, slots=True)
+class TargetSetup:
+    """One target as the planner is told of it."""
+
+    id: int
+    prior: TargetPrior | None
+    """Prior knowledge of its place; None until somebody sees it."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlannerSetup:
+    """How the optimizer looks ahead (paper, eq. 3, over `horizon` steps)."""
+
+    horizon: int
+    plan_step_s: float
+    min_dist_m: float
+    separation_weight: float
+    engine: str | None
+    """fast, sqp or ipopt; None for the default of the machine."""
+
+
+@dataclass(frozen=True, slots=True)
+class LoopSetup:
+    """Periods of the two models, and how long a comment waits for them."""
+
+    task_period_s: float = 20.0
+    action_period_s: float = 5.0
+    comment_ttl_s: float = 120.0
+
+
+@dataclass(frozen=True, slots=True)
+class MeritSetup:
+    """The fixed yardstick of the gate: trace + prices * expected hits + price * effort."""
+
+    sensing_price: float = 1.0
+    """One expected sensing hit, in trace units (m^2)."""
+
+    communication_price: float = 1.0
+    """One expected communication hit, in trace units (m^2)."""
+
+    effort_price: float = 1e-3
+    """One m^2/s^2 of squared control, in trace units (m^2)."""
+
+
+class ZoneDefaults(NamedTuple):
+    """What a zone is taken to have when nobody said otherwise."""
+
+    margin: float
+    """Metres (sensing) or factor on the team's spread (communication)."""
+
+    risk: float
+    risk_single: float
+
+
+@dataclass(frozen=True, slots=True)
+class MissionSetup:
+    """One mission before its first tick. Immutable."""
+
+    name: str
+    team: str
+    """Names the team on the bus: falconer/{team}/..."""
+
+    compat: Compat
+    seed: int
+    tick_s: float
+    """Time step of lockstep (the scenario's dt)."""
+
+    steps: int
+    """Steps of a lockstep run, at `tick_s`."""
+
+    dynamics: Dynamics
+    robots: tuple[RobotSetup, ...]
+    """In team order: row i of A."""
+
+    targets: tuple[TargetSetup, ...]
+    """In mission order: column j of A."""
+
+    field_lower: Point
+    field_upper: Point
+    assignment: frozenset[Pairing]
+    weights: Weights
+    weight_lower: Weights
+    weight_upper: Weights
+    """What any proposal's weights must lie between."""
+
+    severity_bounds: tuple[float, float]
+    planner: PlannerSetup
+    sensor: SensorModel
+    filter: FilterSettings
+    loops: LoopSetup
+    merit: MeritSetup
+    gate: GateMode
+    """Unless whoever starts the mission says otherwise."""
+
+    sensing_defaults: ZoneDefaults
+    communication_defaults: ZoneDefaults
+    """For zones drawn by people."""
+
+    live_tick_s: float = 0.1
+    lost_after_s: float = 3.0
+    """A robot silent for longer, without being jammed, is lost."""
+
+    setpoint_ttl_s: float = 0.5
+    """Life time of a set-point on the receiver's clock."""
+
+    @property
+    def duration_s(self) -> float:
+        """Mission time at which a lockstep run, and a live run of the scenario, ends."""
+        return self.steps * self.tick_s
+
+    @property
+    def robot_ids(self) -> tuple[int, ...]:
+        """Ids in team order."""
+        return tuple(robot.id for robot in self.robots)
+
+    @property
+    def target_ids(self) -> tuple[int, ...]:
+        """Ids in mission order."""
+        return tuple(target.id for target in self.targets)
+
+    def zone_defaults(self, kind: ZoneKind) -> ZoneDefaults:
+        """Return what a drawn zone of this kind is taken to have."""
+        if kind is ZoneKind.SENSING:
+            return self.sensing_defaults
+        return self.communication_defaults
+
+    def initial_directives(self) -> Directives:
+        """Return the directives in force at time 0, from the scenario."""
+        return Directives(
+            assignment=self.assignment,
+            weights=self.weights,
+            capacities=tuple((robot.id, robot.capacity) for robot in self.robots),
+        )
