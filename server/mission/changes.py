@@ -1,0 +1,76 @@
+"""How an accepted proposal becomes the directives in force."""
+
+from dataclasses import replace
+
+from llm.verification import assignment_of
+
+from solver.directives import CommentVerdict, Directives, Pairing, Pin, Proposal, Weights
+from solver.snapshot import CommentReceipt
+
+_PINNING = (CommentVerdict.APPLIED, CommentVerdict.PARTLY)
+
+
+def applied(
+    directives: Directives,
+    proposal: Proposal,
+    now_s: float,
+    receipts: tuple[CommentReceipt, ...],
+) -> Directives:
+    """Return the directives with an accepted proposal in force.
+
+    What a comment newly brought about becomes a soft pin for as long as the comment stands,
+    so that the next answers keep it.
+    """
+    if proposal.assignment is not None:
+        before, after = directives.assignment, assignment_of(proposal)
+        pins = (*directives.pins, *soft_pins(proposal, after - before, receipts))
+        directives = replace(
+            directives,
+            assignment=after,
+            pins=pins,
+            assignment_source=proposal.source,
+            assignment_since_s=now_s if after != before else directives.assignment_since_s,
+        )
+    if proposal.weights is not None:
+        weights = Weights(*proposal.weights)
+        directives = replace(
+            directives,
+            weights=weights,
+            weights_source=proposal.source,
+            weights_since_s=now_s if weights != directives.weights else directives.weights_since_s,
+        )
+    if proposal.capacities is not None:
+        changed = dict(proposal.capacities)
+        capacities = tuple((rid, changed.get(rid, cap)) for rid, cap in directives.capacities)
+        directives = replace(directives, capacities=capacities)
+    if proposal.severities is not None:
+        severities = dict(directives.severities) | dict(proposal.severities)
+        kept = tuple(sorted((zone, value) for zone, value in severities.items() if value != 1.0))
+        directives = replace(directives, severities=kept)
+    return directives
+
+
+def soft_pins(
+    proposal: Proposal, added: frozenset[Pairing], receipts: tuple[CommentReceipt, ...]
+) -> tuple[Pin, ...]:
+    """Return pins for the pairs an applied comment added, on the newest such comment."""
+    answered = {a.comment_id for a in proposal.comment_answers if a.verdict in _PINNING}
+    causes = [r.comment for r in receipts if r.comment.id in answered and r.task is None]
+    if not causes:
+        return ()
+    cause = causes[-1]
+    return tuple(
+        Pin(
+            id=f"{cause.id}-{pair.robot_id}-{pair.target_id}",
+            pair=pair,
+            expires_s=cause.time_s + cause.ttl_s,
+            comment_id=cause.id,
+        )
+        for pair in sorted(added)
+    )
+
+
+def without_expired(directives: Directives, now_s: float) -> Directives:
+    """Return the directives without the pins whose time is over."""
+    kept = tuple(p for p in directives.pins if p.expires_s is None or now_s < p.expires_s)
+    return directives if len(kept) == len(directives.pins) else replace(directives, pins=kept)

@@ -1,0 +1,70 @@
+"""The comments that stand, and what became of them."""
+
+from dataclasses import replace
+
+from solver.directives import CommentVerdict, Proposal, Source, Verdict
+from solver.observations import Comment
+from solver.snapshot import CommentReceipt
+
+MAX_STANDING = 32
+"""More at once are refused where they come in; here the oldest expires first."""
+
+CLOSED_KEPT = 64
+
+
+class CommentLedger:
+    """Owner of the receipts. A comment stands until it expires or is withdrawn."""
+
+    def __init__(self) -> None:
+        self._standing: dict[str, CommentReceipt] = {}
+        self._closed: dict[str, CommentReceipt] = {}
+
+    def receive(self, comment: Comment) -> None:
+        """Let a comment stand. The same id again changes nothing."""
+        if comment.id in self._standing or comment.id in self._closed:
+            return
+        if len(self._standing) >= MAX_STANDING:
+            self._close(next(iter(self._standing)))
+        self._standing[comment.id] = CommentReceipt(comment)
+
+    def expire(self, now_s: float) -> tuple[str, ...]:
+        """Close the comments whose time is over; return their ids."""
+        over = tuple(
+            cid
+            for cid, receipt in self._standing.items()
+            if now_s >= receipt.comment.time_s + receipt.comment.ttl_s
+        )
+        for cid in over:
+            self._close(cid)
+        return over
+
+    def answer(self, proposal: Proposal, verdict: Verdict) -> None:
+        """Note what a model's proposal, accepted or not, says about the comments."""
+        for said in proposal.comment_answers:
+            receipt = self._standing.get(said.comment_id)
+            if receipt is None:
+                continue
+            outcome, reason = said.verdict, said.reason
+            if not verdict.accepted:
+                outcome, reason = CommentVerdict.DECLINED, "; ".join(verdict.violations)
+            if proposal.source is Source.ACTION_LLM:
+                kept = receipt.action
+                if kept is not CommentVerdict.APPLIED:
+                    receipt = replace(receipt, action=outcome, action_reason=reason)
+            elif receipt.task is not CommentVerdict.APPLIED:
+                receipt = replace(receipt, task=outcome, task_reason=reason)
+            self._standing[said.comment_id] = receipt
+
+    def standing(self) -> tuple[CommentReceipt, ...]:
+        """Return the receipts of comments that still stand, oldest first."""
+        return tuple(self._standing.values())
+
+    def receipts(self) -> tuple[CommentReceipt, ...]:
+        """Return the standing receipts and the lately closed ones, oldest first."""
+        return (*self._closed.values(), *self._standing.values())
+
+    def _close(self, comment_id: str) -> None:
+        receipt = self._standing.pop(comment_id)
+        self._closed[comment_id] = replace(receipt, expired=True)
+        while len(self._closed) > CLOSED_KEPT:
+            del self._closed[next(iter(self._closed))]

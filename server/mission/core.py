@@ -1,0 +1,314 @@
+"""The mission core: observations and proposals in, one problem a tick out, setpoints back.
+
+Sans-I/O and deterministic: no clock, no thread, no randomness of its own. Whoever drives
+it (asyncio in real time, lockstep in virtual time, a replay) gives it the time and solves
+the problem; the same inputs in the same order give the same outputs, bit for bit.
+"""
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+from llm.verification import Limits, verify
+from solver.estimation import Beliefs
+
+from server.mission.changes import applied, without_expired
+from server.mission.comments import CommentLedger
+from server.mission.guidance import GuidanceLadder
+from server.mission.knowledge import ZoneKnowledge, zone_table
+from server.mission.plans import PlanBook
+from server.mission.setup import MissionSetup
+from server.mission.team import Lanes, TeamBook
+from solver import estimation
+from solver.arrays import frozen, frozen_bool
+from solver.directives import Proposal, Verdict
+from solver.observations import (
+    Attack,
+    Comment,
+    Detections,
+    HoldChange,
+    HoldState,
+    Link,
+    LinkChange,
+    Observation,
+    RobotState,
+    TargetPrior,
+    TrackReport,
+    ZoneDrawn,
+)
+from solver.problem import Problem, Solution
+from solver.setpoints import Setpoint
+from solver.snapshot import Snapshot, SolveSummary, TrackStatus, TrackTable
+from solver.zones import ZoneKind
+
+GHOST_S = 5.0
+"""A robot out of reach is kept clear of for this long where it was last seen."""
+
+COASTING_S = 1.0
+"""A track unseen for longer is shown as coasting."""
+
+
+class MissionCore:
+    """Owner of everything the team knows. One tick: `begin`, solve elsewhere, `commit`."""
+
+    def __init__(self, setup: MissionSetup) -> None:
+        self.setup = setup
+        self._limits = Limits(
+            weight_lower=setup.weight_lower,
+            weight_upper=setup.weight_upper,
+            severity_bounds=setup.severity_bounds,
+        )
+        self._team = TeamBook(setup)
+        self._zones = ZoneKnowledge(setup.robot_ids)
+        self._comments = CommentLedger()
+        self._guidance = GuidanceLadder(setup.loops.task_period_s)
+        self._plans = PlanBook(setup)
+        self._directives = setup.initial_directives()
+        self._beliefs = estimation.start(setup.target_ids, setup.filter)
+        for target in setup.targets:
+            if target.prior is not None:
+                self._take_prior(target.prior)
+        self._hold = HoldState.FLYING
+        self._inbox: list[Observation] = []
+        self._attacks: list[Attack] = []
+        self._replan: set[int] = set()
+        self._lanes = Lanes((), ())
+        self._time_s = -setup.tick_s
+        self._tick = -1
+        self.snapshot = self._picture(None)
+
+    @property
+    def beliefs(self) -> Beliefs:
+        """The team's full filter state, for robots that may have to go on alone."""
+        return self._beliefs
+
+    @property
+    def limits(self) -> Limits:
+        """What proposals are verified against."""
+        return self._limits
+
+    def observe(self, observation: Observation) -> None:
+        """Take a fact. It counts from the next `begin` on, in the order of arrival."""
+        self._inbox.append(observation)
+
+    def propose(self, proposal: Proposal) -> Verdict:
+        """Verify a proposal against the newest snapshot and, if it holds, put it in force.
+
+        A refused proposal leaves the directives untouched (paper, section III-C: the
+        previous assignment is kept). The change shows in the next problem.
+        """
+        current = replace(self.snapshot, directives=self._directives)
+        verdict = verify(proposal, current, self._limits)
+        if verdict.accepted:
+            self._directives = applied(
+                self._directives, proposal, self._time_s, self._comments.standing()
+            )
+            self._replan.update(proposal.replan)
+        self._guidance.note(proposal, verdict, self._time_s)
+        self._comments.answer(proposal, verdict)
+        return verdict
+
+    def begin(self, now_s: float) -> Problem:
+        """Advance the estimates to `now_s` with all that arrived; return what to solve.
+
+        Raises ValueError when time does not advance.
+        """
+        elapsed_s = now_s - self._time_s
+        if not elapsed_s > 0.0:
+            raise ValueError(f"time must advance: {now_s} s after {self._time_s} s")
+        self._time_s = now_s
+        self._tick += 1
+        self._attacks.clear()
+        self._beliefs = estimation.predict(self._beliefs, self.setup.filter, elapsed_s)
+        arrived, self._inbox = self._inbox, []
+        self._fold(arrived)
+        self._comments.expire(now_s)
+        self._directives = without_expired(self._directives, now_s)
+        self._lanes = self._team.lanes()
+        return self._problem()
+
+    def commit(self, solution: Solution) -> tuple[Setpoint, ...]:
+        """Take the tick's solution; return one setpoint per connected robot, in team order.
+
+        While held every velocity is zero, whatever was solved.
+        """
+        held = self._hold is HoldState.HELD
+        where = self._team.positions_of(self._lanes.rows)
+        if not held:
+            self._plans.keep(solution)
+        setpoints = []
+        for i, robot_id in enumerate(self._lanes.ids):
+            velocity, waypoint = solution.velocities[i, 0], solution.positions[i, 0]
+            if held:
+                velocity, waypoint = np.zeros(2), where[i]
+            setpoints.append(
+                Setpoint(
+                    robot_id=robot_id,
+                    velocity=(float(velocity[0]), float(velocity[1])),
+                    waypoint=(float(waypoint[0]), float(waypoint[1])),
+                    altitude_m=self._team.altitude_m(robot_id),
+                    ttl_s=self.setup.setpoint_ttl_s,
+                )
+            )
+        self._team.command(tuple(setpoints))
+        self._replan.clear()
+        self.snapshot = self._picture(
+            SolveSummary(
+                rung=solution.rung,
+                objective=solution.objective,
+                iterations=solution.iterations,
+                solve_s=solution.solve_s,
+            )
+        )
+        return tuple(setpoints)
+
+    def _fold(self, arrived: Iterable[Observation]) -> None:
+        """Apply what arrived, in order; detections together in one update at the end."""
+        detections: list[Detections] = []
+        for observation in arrived:
+            match observation:
+                case RobotState():
+                    self._team.report(observation, self._time_s)
+                case Detections():
+                    detections.append(observation)
+                case LinkChange():
+                    self._relink(observation)
+                case Attack():
+                    self._take_attack(observation)
+                case TrackReport():
+                    self._welcome(observation)
+                case Comment():
+                    self._comments.receive(observation)
+                case ZoneDrawn():
+                    self._zones.learn(observation.zone, self._team.links())
+                case TargetPrior():
+                    self._take_prior(observation)
+                case HoldChange():
+                    self._hold = observation.state
+                    self._plans.clear()
+        heard = tuple(d for d in detections if self._team.link_of(d.robot_id) is Link.CONNECTED)
+        self._beliefs = estimation.update(
+            self._beliefs, self.setup.filter, self.setup.sensor, heard
+        )
+
+    def _relink(self, change: LinkChange) -> None:
+        before = self._team.relink(change.robot_id, change.link)
+        if before is None or before is change.link:
+            return
+        if change.link is Link.CONNECTED:
+            self._zones.share(self._team.links())
+        else:
+            self._plans.forget(change.robot_id)
+
+    def _take_attack(self, attack: Attack) -> None:
+        if self._team.row(attack.robot_id) is None:
+            return
+        self._attacks.append(attack)
+        if attack.zone is not None:
+            self._zones.learn(attack.zone, self._team.links())
+
+    def _welcome(self, report: TrackReport) -> None:
+        """Fuse what a returned robot brings (covariance intersection: no double counting)."""
+        if self._team.row(report.robot_id) is None:
+            return
+        self._beliefs = estimation.fuse(self._beliefs, report.tracks)
+        for zone in report.zones:
+            self._zones.learn(zone, self._team.links())
+
+    def _take_prior(self, prior: TargetPrior) -> None:
+        self._beliefs = estimation.with_prior(
+            self._beliefs, prior.target_id, prior.mean, prior.covariance
+        )
+
+    def _problem(self) -> Problem:
+        setup, rows = self.setup, self._lanes.rows
+        planner = setup.planner
+        robots = [setup.robots[row] for row in rows]
+        means, priors, growth = estimation.forecast(
+            self._beliefs, setup.filter, planner.plan_step_s, planner.horizon
+        )
+        columns = np.flatnonzero(self._beliefs.known)
+        zones, known = self._zones.zones, self._zones.known()[list(rows)]
+        severities = dict(self._directives.severities)
+        return Problem(
+            robot_ids=self._lanes.ids,
+            step_s=planner.plan_step_s,
+            horizon=planner.horizon,
+            dynamics=setup.dynamics,
+            positions=self._team.positions_of(rows),
+            velocities=self._team.velocities_of(rows),
+            control_lower=frozen(np.reshape([r.control_lower for r in robots], (-1, 2))),
+            control_upper=frozen(np.reshape([r.control_upper for r in robots], (-1, 2))),
+            speed_limit=frozen([r.speed_limit_m_s for r in robots]),
+            field_lower=frozen(setup.field_lower),
+            field_upper=frozen(setup.field_upper),
+            sees=frozen_bool(self._sees(rows)[:, columns]),
+            target_means=frozen(means[:, columns]),
+            target_priors=frozen(priors[columns]),
+            target_growth=frozen(growth[:, columns]),
+            sensor=setup.sensor,
+            sensing=zone_table(zones, known, ZoneKind.SENSING, severities),
+            communication=zone_table(zones, known, ZoneKind.COMMUNICATION, severities),
+            weights=self._directives.weights,
+            separation_weight=planner.separation_weight,
+            min_dist_m=planner.min_dist_m,
+            obstacles=self._team.ghosts(self._time_s, GHOST_S),
+            previous=self._plans.shifted(self._lanes.ids),
+            replan=frozen_bool([robot_id in self._replan for robot_id in self._lanes.ids]),
+        )
+
+    def _sees(self, rows: tuple[int, ...]) -> np.ndarray:
+        """Return A (M, N) of the planned robots without those in sensing failure."""
+        targets = {target_id: j for j, target_id in enumerate(self.setup.target_ids)}
+        lanes = {robot_id: i for i, robot_id in enumerate(self._lanes.ids)}
+        sees = np.zeros((len(rows), len(targets)), dtype=bool)
+        for robot_id, target_id in self._directives.assignment:
+            if robot_id in lanes and target_id in targets:
+                sees[lanes[robot_id], targets[target_id]] = True
+        sees[self._team.sensing_failed()[list(rows)]] = False
+        return sees
+
+    def _picture(self, solve: SolveSummary | None) -> Snapshot:
+        level, age_s = self._guidance.level(self._directives, self._hold, self._time_s)
+        return Snapshot(
+            mission=self.setup.name,
+            tick=self._tick,
+            time_s=self._time_s,
+            robots=self._team.table(self._time_s),
+            tracks=self._tracks(),
+            zones=self._zones.zones,
+            known=self._zones.known(),
+            directives=self._directives,
+            hold=self._hold,
+            trace=estimation.trace(self._beliefs),
+            solve=solve,
+            attacks=tuple(self._attacks),
+            receipts=self._comments.receipts(),
+            guidance=level,
+            guidance_age_s=age_s,
+        )
+
+    def _tracks(self) -> TrackTable:
+        beliefs = self._beliefs
+        covariances = estimation.position_covariances(beliefs)
+        velocities = beliefs.means[:, 2:4] if beliefs.means.shape[1] == 4 else None
+        status = tuple(
+            _status(bool(known), float(unseen_s), self.setup.filter.drop_after_s)
+            for known, unseen_s in zip(beliefs.known, beliefs.unseen_s, strict=True)
+        )
+        return TrackTable(
+            ids=beliefs.ids,
+            positions=frozen(beliefs.means[:, :2]),
+            velocities=frozen(
+                np.zeros((len(beliefs.ids), 2)) if velocities is None else velocities
+            ),
+            covariances=frozen(covariances),
+            unseen_s=frozen(beliefs.unseen_s),
+            status=status,
+        )
+
+
+def _status(known: bool, unseen_s: float, drop_after_s: float) -> TrackStatus:
+    if not known:
+        return TrackStatus.DROPPED if np.isfinite(unseen_s) else TrackStatus.UNKNOWN
+    return TrackStatus.COASTING if unseen_s > COASTING_S else TrackStatus.TRACKED

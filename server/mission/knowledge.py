@@ -1,0 +1,78 @@
+"""Which zones the team knows, and who of it."""
+
+import numpy as np
+
+from solver.arrays import BoolArray, frozen, frozen_bool
+from solver.observations import Link
+from solver.problem import ZoneTable
+from solver.zones import Zone, ZoneKind
+
+MAX_ZONES = 256
+"""More are refused: bounded memory whatever is reported or drawn."""
+
+
+class ZoneKnowledge:
+    """The registry of known zones with the mask of who knows which.
+
+    Connected robots share at once, so each of them knows what any of them knows; a jammed
+    robot knows what it knew when it was cut off (what it learns meanwhile is on board).
+    """
+
+    def __init__(self, robot_ids: tuple[int, ...]) -> None:
+        self._rows = {robot_id: row for row, robot_id in enumerate(robot_ids)}
+        self._zones: dict[str, Zone] = {}
+        self._known: dict[str, set[int]] = {}
+
+    @property
+    def zones(self) -> tuple[Zone, ...]:
+        """Every zone anybody knows, in the order they became known."""
+        return tuple(self._zones.values())
+
+    def learn(self, zone: Zone, links: dict[int, Link]) -> bool:
+        """Tell all connected robots of a zone; return whether it is a new one.
+
+        A zone that is known already is replaced: the newest word on an id counts.
+        """
+        new = zone.id not in self._zones
+        if new and len(self._zones) >= MAX_ZONES:
+            return False
+        self._zones[zone.id] = zone
+        holders = self._known.setdefault(zone.id, set())
+        holders.update(r for r, link in links.items() if link is Link.CONNECTED)
+        return new
+
+    def share(self, links: dict[int, Link]) -> None:
+        """Tell every connected robot all that the team knows (after a return)."""
+        for holders in self._known.values():
+            holders.update(r for r, link in links.items() if link is Link.CONNECTED)
+
+    def known(self) -> BoolArray:
+        """Return the mask (M, Z), zones in the order of `zones`."""
+        mask = np.zeros((len(self._rows), len(self._zones)), dtype=bool)
+        for column, zone_id in enumerate(self._zones):
+            for robot_id in self._known[zone_id]:
+                mask[self._rows[robot_id], column] = True
+        return frozen_bool(mask)
+
+
+def zone_table(
+    zones: tuple[Zone, ...],
+    known: BoolArray,
+    kind: ZoneKind,
+    severities: dict[str, float],
+) -> ZoneTable:
+    """Return the zones of one kind as the optimizer's arrays, severity folded in.
+
+    `known` is (M, Z) over all `zones`, rows being the planned robots.
+    """
+    columns = [i for i, zone in enumerate(zones) if zone.kind is kind]
+    chosen = [zones[i] for i in columns]
+    severity = [severities.get(zone.id, 1.0) for zone in chosen]
+    return ZoneTable(
+        centres=frozen(np.reshape([z.mean for z in chosen], (-1, 2))),
+        covariances=frozen(np.reshape([z.covariance for z in chosen], (-1, 2, 2))),
+        margins=frozen([z.margin for z in chosen]),
+        quantiles=frozen([z.quantile(s) for z, s in zip(chosen, severity, strict=True)]),
+        severities=frozen(severity),
+        known=frozen_bool(known[:, columns]),
+    )
