@@ -37,7 +37,7 @@ lint: setup-dev floors ## check style, formatting, types and floors
 	$(BIN)/mypy
 
 floors: setup-dev ## check that imports only go down the floors
-	$(BIN)/lint-imports --no-cache
+	$(BIN)/lint-imports --no-logo --no-cache
 
 format: setup-dev ## rewrite the code in the house style
 	$(BIN)/ruff check --fix-only .
