@@ -74,6 +74,7 @@ class MissionCore:
         self._replan: set[int] = set()
         self._lanes = Lanes((), ())
         self._time_s = -setup.tick_s
+        self._elapsed_s = setup.tick_s
         self._tick = -1
         self.snapshot = self._picture(None)
 
@@ -116,7 +117,7 @@ class MissionCore:
         elapsed_s = now_s - self._time_s
         if not elapsed_s > 0.0:
             raise ValueError(f"time must advance: {now_s} s after {self._time_s} s")
-        self._time_s = now_s
+        self._time_s, self._elapsed_s = now_s, elapsed_s
         self._tick += 1
         self._attacks.clear()
         self._beliefs = estimation.predict(self._beliefs, self.setup.filter, elapsed_s)
@@ -253,7 +254,7 @@ class MissionCore:
             separation_weight=planner.separation_weight,
             min_dist_m=planner.min_dist_m,
             obstacles=self._team.ghosts(self._time_s, GHOST_S),
-            previous=self._plans.shifted(self._lanes.ids),
+            previous=self._plans.shifted(self._lanes.ids, self._elapsed_s),
             replan=frozen_bool([robot_id in self._replan for robot_id in self._lanes.ids]),
         )
 
@@ -291,9 +292,10 @@ class MissionCore:
     def _tracks(self) -> TrackTable:
         beliefs = self._beliefs
         covariances = estimation.position_covariances(beliefs)
-        velocities = beliefs.means[:, 2:4] if beliefs.means.shape[1] == 4 else None
+        moving = beliefs.means.shape[1] == 4
+        velocities = beliefs.means[:, 2:4] if moving else np.zeros((len(beliefs.ids), 2))
         status = tuple(
-            _status(bool(known), float(unseen_s), self.setup.filter.drop_after_s)
+            _status(float(unseen_s), known=bool(known))
             for known, unseen_s in zip(beliefs.known, beliefs.unseen_s, strict=True)
         )
         return TrackTable(
@@ -308,7 +310,7 @@ class MissionCore:
         )
 
 
-def _status(known: bool, unseen_s: float, drop_after_s: float) -> TrackStatus:
+def _status(unseen_s: float, *, known: bool) -> TrackStatus:
     if not known:
         return TrackStatus.DROPPED if np.isfinite(unseen_s) else TrackStatus.UNKNOWN
     return TrackStatus.COASTING if unseen_s > COASTING_S else TrackStatus.TRACKED

@@ -13,7 +13,6 @@ class PlanBook:
     def __init__(self, setup: MissionSetup) -> None:
         self._horizon = setup.planner.horizon
         self._step_s = setup.planner.plan_step_s
-        self._tick_s = setup.tick_s
         self._controls: dict[int, FloatArray] = {}
 
     def keep(self, solution: Solution) -> None:
@@ -29,16 +28,16 @@ class PlanBook:
         """Drop all plans."""
         self._controls.clear()
 
-    def shifted(self, robot_ids: tuple[int, ...]) -> FloatArray | None:
-        """Return the plans one tick on, (M, H, 2), zero for a robot without one.
+    def shifted(self, robot_ids: tuple[int, ...], elapsed_s: float) -> FloatArray | None:
+        """Return the plans `elapsed_s` later, (M, H, 2), zero for a robot without one.
 
-        None when no robot has one. Controls are constant over a step: a tick shorter than
-        a step keeps the control it falls into.
+        None when no robot has one. Controls are constant over a step: less than a step
+        later the control is the same.
         """
         if not any(robot_id in self._controls for robot_id in robot_ids):
             return None
         steps = np.arange(self._horizon)
-        moved = np.floor(steps + self._tick_s / self._step_s + 1e-9).astype(int)
+        moved = np.floor(steps + elapsed_s / self._step_s + 1e-9).astype(int)
         index = np.minimum(moved, self._horizon - 1)
         blank = np.zeros((self._horizon, 2))
         plans = [
