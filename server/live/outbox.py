@@ -1,0 +1,83 @@
+"""What waits to be sent to one reader: bounded, and the newest snapshot wins.
+
+A snapshot is a state: whoever is late needs only the last. An event is a fact: it is kept in
+order, up to a bound. The same rule serves the mission process's pipe and every client of the
+stream, so that a slow reader costs memory for a moment and time never.
+"""
+
+import asyncio
+from collections import deque
+from dataclasses import dataclass, field
+from typing import Any
+
+SNAPSHOT = "snapshot"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Frame:
+    """One message with its JSON text, encoded once however many read it."""
+
+    data: dict[str, Any]
+    text: str
+
+    @property
+    def is_snapshot(self) -> bool:
+        """Whether a newer frame of this kind makes it worthless."""
+        return self.data.get("type") == SNAPSHOT
+
+
+class OutboxClosed(Exception):
+    """Raised when nothing more comes out of an outbox; says why."""
+
+    def __init__(self, reason: str) -> None:
+        super().__init__(reason)
+        self.reason = reason
+
+
+@dataclass(slots=True, eq=False)
+class Outbox:
+    """One reader's queue. Single reader, any number of writers on the same event loop."""
+
+    max_events: int = 1024
+    _events: deque[Frame] = field(default_factory=deque)
+    _snapshot: Frame | None = None
+    _closed: str | None = None
+    _wake: asyncio.Event = field(default_factory=asyncio.Event)
+    replaced: int = 0
+    """Snapshots that a newer one replaced before they were read."""
+
+    def put(self, frame: Frame) -> bool:
+        """Queue a frame; return False when it found no room (an event beyond the bound)."""
+        if self._closed is not None:
+            return False
+        if frame.is_snapshot:
+            self.replaced += self._snapshot is not None
+            self._snapshot = frame
+        elif len(self._events) >= self.max_events:
+            return False
+        else:
+            self._events.append(frame)
+        self._wake.set()
+        return True
+
+    def close(self, reason: str) -> None:
+        """Let the reader have what is queued, then end with `OutboxClosed`."""
+        if self._closed is None:
+            self._closed = reason
+        self._wake.set()
+
+    async def get(self) -> Frame:
+        """Return the next frame: events first, in order, then the newest snapshot.
+
+        Raises OutboxClosed when it is closed and empty.
+        """
+        while True:
+            if self._events:
+                return self._events.popleft()
+            if self._snapshot is not None:
+                frame, self._snapshot = self._snapshot, None
+                return frame
+            if self._closed is not None:
+                raise OutboxClosed(self._closed)
+            self._wake.clear()
+            await self._wake.wait()
