@@ -1,1 +1,1 @@
-"""Floor 1: prompts, the model client, parsing and verification of answers, the mock endpoint."""
+"""Floor 1: the language models in the loop. Prompts, client, answers, verification, mock."""

@@ -1,0 +1,45 @@
+"""Small pieces of plain English that prompts and violations share."""
+
+from collections.abc import Iterable, Sequence
+
+
+def listed(parts: Sequence[str]) -> str:
+    """Join as people do: "a", "a and b", "a, b and c"."""
+    if len(parts) <= 1:
+        return "".join(parts)
+    return f"{', '.join(parts[:-1])} and {parts[-1]}"
+
+
+def drone(robot_id: int) -> str:
+    """Name one robot."""
+    return f"Drone {robot_id}"
+
+
+def drones(robot_ids: Iterable[int]) -> str:
+    """Name several robots."""
+    return listed([drone(robot_id) for robot_id in robot_ids])
+
+
+def target(target_id: int) -> str:
+    """Name one target."""
+    return f"Target {target_id}"
+
+
+def targets(target_ids: Iterable[int]) -> str:
+    """Name several targets."""
+    return listed([target(target_id) for target_id in target_ids])
+
+
+def number(value: float) -> str:
+    """Write a number briefly: four significant digits, no trailing zeros, no exponent."""
+    text = f"{value:.4g}"
+    if "e" in text:
+        text = f"{value:.8f}" if abs(value) < 1.0 else f"{value:.0f}"
+    if "." in text:
+        text = text.rstrip("0").rstrip(".")
+    return "0" if text == "-0" else text
+
+
+def cut(text: str, length: int) -> str:
+    """Shorten a text to at most `length` characters, saying so."""
+    return text if len(text) <= length else f"{text[: length - 3]}..."
