@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 from llm.verification import assignment_of
-
 from solver.directives import CommentVerdict, Directives, Pairing, Pin, Proposal, Weights
 from solver.snapshot import CommentReceipt
 

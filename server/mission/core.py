@@ -9,9 +9,8 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
-from llm.verification import Limits, verify
-from solver.estimation import Beliefs
 
+from llm.verification import Limits, verify
 from server.mission.changes import applied, without_expired
 from server.mission.comments import CommentLedger
 from server.mission.guidance import GuidanceLadder
@@ -22,6 +21,7 @@ from server.mission.team import Lanes, TeamBook
 from solver import estimation
 from solver.arrays import frozen, frozen_bool
 from solver.directives import Proposal, Verdict
+from solver.estimation import Beliefs
 from solver.observations import (
     Attack,
     Comment,
@@ -38,7 +38,7 @@ from solver.observations import (
 )
 from solver.problem import Problem, Solution
 from solver.setpoints import Setpoint
-from solver.snapshot import Snapshot, SolveSummary, TrackStatus, TrackTable
+from solver.snapshot import Snapshot, SolveSummary, TrackTable
 from solver.zones import ZoneKind
 
 GHOST_S = 5.0
@@ -54,9 +54,10 @@ class MissionCore:
     def __init__(self, setup: MissionSetup) -> None:
         self.setup = setup
         self._limits = Limits(
-            weight_lower=setup.weight_lower,
-            weight_upper=setup.weight_upper,
-            severity_bounds=setup.severity_bounds,
+            weights_lower=setup.weight_lower,
+            weights_upper=setup.weight_upper,
+            severity_lower=setup.severity_bounds[0],
+            severity_upper=setup.severity_bounds[1],
         )
         self._team = TeamBook(setup)
         self._zones = ZoneKnowledge(setup.robot_ids)
@@ -217,6 +218,8 @@ class MissionCore:
             self._zones.learn(zone, self._team.links())
 
     def _take_prior(self, prior: TargetPrior) -> None:
+        if prior.target_id not in self._beliefs.ids:
+            return
         self._beliefs = estimation.with_prior(
             self._beliefs, prior.target_id, prior.mean, prior.covariance
         )
@@ -294,10 +297,6 @@ class MissionCore:
         covariances = estimation.position_covariances(beliefs)
         moving = beliefs.means.shape[1] == 4
         velocities = beliefs.means[:, 2:4] if moving else np.zeros((len(beliefs.ids), 2))
-        status = tuple(
-            _status(float(unseen_s), known=bool(known))
-            for known, unseen_s in zip(beliefs.known, beliefs.unseen_s, strict=True)
-        )
         return TrackTable(
             ids=beliefs.ids,
             positions=frozen(beliefs.means[:, :2]),
@@ -306,11 +305,5 @@ class MissionCore:
             ),
             covariances=frozen(covariances),
             unseen_s=frozen(beliefs.unseen_s),
-            status=status,
+            status=beliefs.status(COASTING_S),
         )
-
-
-def _status(unseen_s: float, *, known: bool) -> TrackStatus:
-    if not known:
-        return TrackStatus.DROPPED if np.isfinite(unseen_s) else TrackStatus.UNKNOWN
-    return TrackStatus.COASTING if unseen_s > COASTING_S else TrackStatus.TRACKED

@@ -8,9 +8,8 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import NamedTuple
 
-from solver.estimation import FilterSettings
-
 from solver.directives import Directives, Pairing, Weights
+from solver.estimation import FilterSettings
 from solver.observations import TargetPrior
 from solver.problem import Dynamics, SensorModel
 from solver.zones import Point, ZoneKind

@@ -1,0 +1,282 @@
+"""The mission core through its public interface: facts in, problems and setpoints out."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from server.mission.core import MissionCore
+from solver.directives import (
+    CommentAnswer,
+    CommentVerdict,
+    Pairing,
+    Proposal,
+    Source,
+    Weights,
+)
+from solver.observations import (
+    Attack,
+    Comment,
+    HoldChange,
+    HoldState,
+    Link,
+    LinkChange,
+    OnboardTrack,
+    TrackReport,
+    ZoneDrawn,
+)
+from solver.snapshot import Guidance, TrackStatus
+from solver.zones import ZoneKind
+from tests.server.builders import (
+    WEIGHTS,
+    mission_setup,
+    robot_state,
+    sensing_zone,
+    sighting_of,
+    straight_solution,
+)
+
+
+def tick(core: MissionCore, now_s: float) -> None:
+    core.commit(straight_solution(core.begin(now_s)))
+
+
+def assignment(*rows: tuple[int, tuple[int, ...]], source: Source = Source.TASK_LLM) -> Proposal:
+    return Proposal(id="p", source=source, asked_s=0.0, assignment=rows)
+
+
+def test_observations_count_from_the_next_begin_on() -> None:
+    core = MissionCore(mission_setup())
+    first = core.begin(0.0)
+    core.observe(robot_state(21, (5.0, 5.0)))
+    core.commit(straight_solution(first))
+    assert core.snapshot.robots.positions[0].tolist() == [-2.0, 0.0]
+    second = core.begin(0.1)
+    assert second.positions[0].tolist() == [5.0, 5.0]
+
+
+def test_time_must_advance() -> None:
+    core = MissionCore(mission_setup())
+    tick(core, 0.0)
+    with pytest.raises(ValueError, match="time must advance"):
+        core.begin(0.0)
+
+
+def test_one_setpoint_per_connected_robot_with_its_altitude_and_life_time() -> None:
+    core = MissionCore(mission_setup())
+    setpoints = core.commit(straight_solution(core.begin(0.0)))
+    assert [s.robot_id for s in setpoints] == [21, 22]
+    assert setpoints[0].velocity == (0.5, 0.0)
+    assert setpoints[0].waypoint == pytest.approx((-1.95, 0.0))
+    assert setpoints[1].altitude_m == 2.0
+    assert setpoints[0].ttl_s == 0.5
+
+
+def test_detections_shrink_the_trace_and_their_absence_lets_it_grow() -> None:
+    core = MissionCore(mission_setup())
+    tick(core, 0.0)
+    before = core.snapshot.trace
+    core.observe(sighting_of(21, (-2.0, 0.0), 121, (2.0, 0.0)))
+    tick(core, 0.1)
+    seen = core.snapshot.trace
+    tick(core, 0.2)
+    assert seen < before < core.snapshot.trace + before
+    assert core.snapshot.trace > seen
+
+
+def test_a_jammed_robot_is_not_planned_and_its_late_detections_do_not_count() -> None:
+    core = MissionCore(mission_setup())
+    tick(core, 0.0)
+    core.observe(LinkChange(21, Link.JAMMED, "silent, token kept"))
+    core.observe(sighting_of(21, (-2.0, 0.0), 121, (2.0, 0.0)))
+    problem = core.begin(0.1)
+    assert problem.robot_ids == (22,)
+    assert problem.obstacles.shape == (0, 2), "nobody heard where it was"
+    trace = core.snapshot.trace
+    core.commit(straight_solution(problem))
+    assert core.snapshot.trace > trace
+    assert core.snapshot.robots.links == (Link.JAMMED, Link.CONNECTED)
+
+
+def test_a_robot_out_of_reach_is_kept_clear_of_for_a_while() -> None:
+    core = MissionCore(mission_setup())
+    core.observe(robot_state(21, (-1.0, 0.5)))
+    tick(core, 0.0)
+    core.observe(LinkChange(21, Link.JAMMED, "silent"))
+    assert core.begin(0.1).obstacles.tolist() == [[-1.0, 0.5]]
+    core.commit(straight_solution(core.begin(9.0)))
+    assert core.begin(9.1).obstacles.shape == (0, 2)
+
+
+def test_a_sensing_failure_takes_the_robot_out_of_the_tracking_term() -> None:
+    core = MissionCore(mission_setup())
+    core.observe(robot_state(21, (-2.0, 0.0), sensing_failed=True))
+    problem = core.begin(0.0)
+    assert problem.sees.tolist() == [[False, False], [False, True]]
+
+
+def test_an_attack_teaches_the_connected_team_the_zone() -> None:
+    core = MissionCore(mission_setup())
+    core.observe(LinkChange(22, Link.JAMMED, "silent"))
+    core.observe(Attack(21, ZoneKind.SENSING, sensing_zone(), 0.0))
+    tick(core, 0.0)
+    assert core.snapshot.known.tolist() == [[True], [False]]
+    assert len(core.snapshot.attacks) == 1
+    core.observe(LinkChange(22, Link.CONNECTED, "back"))
+    problem = core.begin(0.1)
+    assert problem.sensing.known.tolist() == [[True], [True]], "the missed news is repeated"
+
+
+def test_a_returning_robot_brings_zones_and_tracks_without_double_counting() -> None:
+    core = MissionCore(mission_setup())
+    tick(core, 0.0)
+    before = core.snapshot.tracks.covariances[0].copy()
+    track = OnboardTrack(121, (2.1, 0.0), tuple(map(tuple, before)))
+    core.observe(TrackReport(21, (track,), (sensing_zone(),)))
+    core.begin(0.1)
+    fused = core.beliefs.covariances[0]
+    assert np.linalg.eigvalsh(fused - before).min() > -1e-9, "same information twice is not more"
+    assert core.snapshot.zones == ()
+    core.commit(straight_solution(core.begin(0.2)))
+    assert [z.id for z in core.snapshot.zones] == ["s1"]
+
+
+def test_an_accepted_proposal_is_in_the_next_problem_and_a_refused_one_changes_nothing() -> None:
+    core = MissionCore(mission_setup())
+    tick(core, 0.0)
+    assert core.propose(assignment((21, (122,)), (22, (121,)))).accepted
+    assert core.begin(0.1).sees.tolist() == [[False, True], [True, False]]
+    core.commit(straight_solution(core.begin(0.2)))
+    verdict = core.propose(assignment((21, (122,)), (22, (122,))))
+    assert not verdict.accepted
+    assert core.begin(0.3).sees.tolist() == [[False, True], [True, False]]
+
+
+def test_two_proposals_between_ticks_are_verified_against_what_is_in_force() -> None:
+    core = MissionCore(mission_setup())
+    tick(core, 0.0)
+    weights = (5.0, 0.05, 100.0, 50.0)
+    assert core.propose(Proposal("w", Source.ACTION_LLM, 0.0, weights=weights)).accepted
+    assert core.propose(assignment((21, (122,)), (22, (121,)))).accepted
+    tick(core, 0.1)
+    assert core.snapshot.directives.weights == Weights(*weights)
+    assert Pairing(21, 122) in core.snapshot.directives.assignment
+
+
+@pytest.mark.parametrize(
+    "weights",
+    [
+        (0.0, 0.05, 50.0, 50.0),
+        (10.0, 0.05, 50.0),
+        (10.0, float("nan"), 50.0, 50.0),
+        (1e9, 0.05, 50.0, 50.0),
+    ],
+)
+def test_weights_outside_the_envelope_never_reach_the_problem(weights: tuple[float, ...]) -> None:
+    core = MissionCore(mission_setup())
+    tick(core, 0.0)
+    assert not core.propose(Proposal("w", Source.ACTION_LLM, 0.0, weights=weights)).accepted
+    assert core.begin(0.1).weights == WEIGHTS
+
+
+def test_hold_zeroes_every_setpoint_at_the_next_tick_and_resume_flies_on() -> None:
+    core = MissionCore(mission_setup())
+    tick(core, 0.0)
+    core.observe(HoldChange(HoldState.HELD))
+    held = core.commit(straight_solution(core.begin(0.1)))
+    assert [s.velocity for s in held] == [(0.0, 0.0), (0.0, 0.0)]
+    assert held[0].waypoint == (-2.0, 0.0)
+    assert core.snapshot.guidance is Guidance.HOLD
+    core.observe(HoldChange(HoldState.FLYING))
+    flying = core.commit(straight_solution(core.begin(0.2)))
+    assert flying[0].velocity == (0.5, 0.0)
+
+
+def test_a_comment_that_changed_the_assignment_pins_it_until_it_expires() -> None:
+    core = MissionCore(mission_setup())
+    core.observe(Comment("c1", "focus", time_s=0.0, ttl_s=5.0))
+    tick(core, 0.0)
+    assert core.snapshot.receipts[0].status == "received"
+    answer = CommentAnswer("c1", CommentVerdict.APPLIED, "as asked")
+    proposal = Proposal(
+        "p",
+        Source.TASK_LLM,
+        0.0,
+        assignment=((21, (121, 122)), (22, (122,))),
+        comment_answers=(answer,),
+        considered=("c1",),
+    )
+    assert core.propose(proposal).accepted
+    tick(core, 0.1)
+    assert core.snapshot.receipts[0].status == "applied"
+    assert [p.pair for p in core.snapshot.directives.pins] == [Pairing(21, 122)]
+    undo = assignment((21, (121,)), (22, (122,)))
+    verdict = core.propose(undo)
+    assert not verdict.accepted, "the comment still holds"
+    tick(core, 5.0)
+    assert core.snapshot.directives.pins == ()
+    assert core.snapshot.receipts[0].expired
+    assert core.propose(undo).accepted
+
+
+def test_a_refused_answer_declines_the_comment_with_the_violations() -> None:
+    core = MissionCore(mission_setup())
+    core.observe(Comment("c1", "both to one", time_s=0.0, ttl_s=5.0))
+    tick(core, 0.0)
+    answer = CommentAnswer("c1", CommentVerdict.APPLIED, "done")
+    core.propose(
+        Proposal(
+            "p",
+            Source.TASK_LLM,
+            0.0,
+            assignment=((21, (121,)), (22, (121,))),
+            comment_answers=(answer,),
+        )
+    )
+    tick(core, 0.1)
+    receipt = core.snapshot.receipts[0]
+    assert receipt.task is CommentVerdict.DECLINED
+    assert "122" in receipt.task_reason
+
+
+def test_facts_about_strangers_and_numbers_that_are_none_change_nothing() -> None:
+    core = MissionCore(mission_setup())
+    core.observe(robot_state(99, (1.0, 1.0)))
+    core.observe(robot_state(21, (float("nan"), 0.0)))
+    core.observe(LinkChange(99, Link.LOST, "?"))
+    core.observe(Attack(99, ZoneKind.SENSING, sensing_zone(), 0.0))
+    core.observe(sighting_of(99, (0.0, 0.0), 121, (9.0, 9.0)))
+    core.observe(sighting_of(21, (0.0, 0.0), 999, (9.0, 9.0)))
+    problem = core.begin(0.0)
+    assert problem.positions.tolist() == [[-2.0, 0.0], [-2.0, 2.0]]
+    assert problem.sensing.centres.shape == (0, 2)
+    assert np.allclose(core.beliefs.means[:, :2], [[2.0, 0.0], [2.0, 2.0]])
+
+
+def test_a_target_without_prior_is_unknown_until_it_is_seen() -> None:
+    setup = mission_setup()
+    blind = replace(setup.targets[0], prior=None)
+    core = MissionCore(replace(setup, targets=(blind, setup.targets[1])))
+    problem = core.begin(0.0)
+    assert problem.target_priors.shape == (1, 2, 2)
+    core.commit(straight_solution(problem))
+    assert core.snapshot.tracks.status == (TrackStatus.UNKNOWN, TrackStatus.TRACKED)
+    core.observe(sighting_of(21, (-2.0, 0.0), 121, (2.0, 0.5)))
+    problem = core.begin(0.1)
+    assert problem.target_priors.shape == (2, 2, 2)
+    assert problem.target_means[0, 0] == pytest.approx((2.0, 0.5), abs=0.4)
+
+
+def test_a_zone_drawn_by_a_person_constrains_the_whole_team() -> None:
+    core = MissionCore(mission_setup())
+    core.observe(ZoneDrawn(sensing_zone("drawn")))
+    assert core.begin(0.0).sensing.known.tolist() == [[True], [True]]
+
+
+def test_a_team_that_is_all_gone_still_ticks() -> None:
+    core = MissionCore(mission_setup())
+    core.observe(LinkChange(21, Link.LOST, "token gone"))
+    core.observe(LinkChange(22, Link.LOST, "token gone"))
+    problem = core.begin(0.0)
+    assert problem.robot_ids == ()
+    assert core.commit(straight_solution(problem)) == ()
