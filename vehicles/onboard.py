@@ -1,0 +1,278 @@
+"""What one robot does alone: its own filter, its own plan (paper, section III-D).
+
+A robot in communication failure leaves the central problem and solves the same problem for
+itself: the targets it was assigned, the zones it knows, communication zones at the risk it
+accepts alone and without the team term, its mates' last known positions to keep clear of.
+Sans-I/O: time comes in as an argument, on any one clock.
+"""
+
+from dataclasses import replace
+from typing import Protocol
+
+import numpy as np
+
+from solver import estimation
+from solver.arrays import BoolArray, FloatArray, IntArray, frozen, frozen_bool
+from solver.beliefs import Beliefs, is_covariance
+from solver.observations import Detections, OnboardTrack, TrackReport
+from solver.problem import Budget, Problem, Solution, ZoneTable
+from solver.zones import Point, Zone, ZoneKind
+from vehicles.knowledge import Knowledge
+
+
+class ProblemSolver(Protocol):
+    """Solves a problem whatever happens: `solver.planner.Planner`."""
+
+    def solve(self, problem: Problem, budget: Budget) -> Solution:
+        """Return a solution; never raise."""
+        ...
+
+
+class OnboardPilot:
+    """One robot's own knowledge, filter and plan.
+
+    Connected, it only listens (`learn`). `lost_link` hands the team's tracks over to its
+    private filter; `plan` predicts it to the given moment, updates it with what was observed
+    since the last plan, and solves the single-robot problem. `report` is what the robot brings
+    when it returns; the next `learn` ends its being alone.
+    """
+
+    def __init__(self, robot_id: int, planner: ProblemSolver) -> None:
+        self.robot_id = robot_id
+        self._planner = planner
+        self._knowledge: Knowledge | None = None
+        self._revealed: dict[str, Zone] = {}
+        self._beliefs: Beliefs | None = None
+        self._filter_s = 0.0
+        self._observed: list[Detections] = []
+        self._plan: FloatArray | None = None
+        self._planned_s = 0.0
+
+    @property
+    def alone(self) -> bool:
+        """Whether the robot flies by its own filter and plan."""
+        return self._beliefs is not None
+
+    @property
+    def targets(self) -> tuple[int, ...]:
+        """Ids of the targets the robot was last assigned."""
+        return () if self._knowledge is None else self._knowledge.targets
+
+    @property
+    def zones(self) -> tuple[Zone, ...]:
+        """Every zone this robot knows, told or suffered; the newest word on an id counts."""
+        told = () if self._knowledge is None else self._knowledge.zones
+        return tuple(({zone.id: zone for zone in told} | self._revealed).values())
+
+    def learn(self, knowledge: Knowledge) -> None:
+        """Take what the planner tells; the robot is connected, its private filter ends.
+
+        Raises:
+            ValueError: The knowledge is meant for another robot.
+        """
+        if knowledge.robot_id != self.robot_id:
+            raise ValueError(
+                f"robot {self.robot_id} was told what robot {knowledge.robot_id} knows"
+            )
+        self._knowledge = knowledge
+        told = {zone.id for zone in knowledge.zones}
+        self._revealed = {key: zone for key, zone in self._revealed.items() if key not in told}
+        self._beliefs = None
+        self._observed.clear()
+        self._plan = None
+
+    def reveal(self, zone: Zone) -> None:
+        """Take a zone that an attack has revealed to this robot."""
+        self._revealed[zone.id] = zone
+
+    def lost_link(self, now_s: float) -> None:
+        """Start the private filter from the team's last tracks; harmless when alone already."""
+        if self.alone or self._knowledge is None:
+            return
+        self._beliefs = _handed_over(self._knowledge)
+        self._filter_s = min(self._knowledge.time_s, now_s)
+        self._planned_s = now_s
+
+    def observe(self, detections: Detections) -> None:
+        """Take what the robot sees now; it counts at the next plan."""
+        if self.alone:
+            self._observed.append(detections)
+
+    def plan(
+        self, now_s: float, position: Point, velocity: Point, budget: Budget
+    ) -> tuple[Point, Point]:
+        """Return where to fly alone.
+
+        A robot that has observed nothing since the last plan (not even an empty list) is blind:
+        its plan does not count on measurements.
+
+        Args:
+            now_s: Time on the clock of `lost_link`.
+            position: Where the robot is, metres.
+            velocity: Its velocity, m/s.
+            budget: For the solve.
+
+        Returns:
+            Velocity and way-point after one planning step. A robot that is not alone, or that
+            was never told anything, is to stand still where it is.
+        """
+        if self._knowledge is None or self._beliefs is None:
+            return (0.0, 0.0), position
+        rules = self._knowledge.rules
+        elapsed_s = now_s - self._filter_s
+        if elapsed_s > 0.0:
+            self._beliefs = estimation.predict(self._beliefs, rules.filter, elapsed_s)
+            self._filter_s = now_s
+        observed, self._observed = tuple(self._observed), []
+        self._beliefs = estimation.update(self._beliefs, rules.filter, rules.sensor, observed)
+        known = np.flatnonzero(self._beliefs.known)
+        sees = np.full((1, len(known)), bool(observed))
+        problem = self._problem(
+            self._knowledge, _selected(self._beliefs, known), sees, (position, velocity)
+        )
+        previous = _shifted(self._plan, now_s - self._planned_s, rules.step_s)
+        solution = self._planner.solve(replace(problem, previous=previous), budget)
+        self._plan, self._planned_s = solution.controls[0], now_s
+        return _point(solution.velocities[0, 0]), _point(solution.positions[0, 0])
+
+    @property
+    def trace(self) -> float:
+        """Trace of the private filter's position covariances, 0 for a robot not alone."""
+        return 0.0 if self._beliefs is None else estimation.trace(self._beliefs)
+
+    def report(self, now_s: float) -> TrackReport:
+        """Return what the robot brings to the team at `now_s`: its tracks and its zones.
+
+        The tracks are predicted to that moment, so that they can be fused with the team's.
+        """
+        beliefs = self._beliefs
+        if beliefs is not None and self._knowledge is not None and now_s > self._filter_s:
+            beliefs = estimation.predict(
+                beliefs, self._knowledge.rules.filter, now_s - self._filter_s
+            )
+        tracks: list[OnboardTrack] = []
+        if beliefs is not None:
+            for row in np.flatnonzero(beliefs.known):
+                tracks.append(
+                    OnboardTrack(
+                        target_id=beliefs.ids[row],
+                        mean=tuple(beliefs.means[row].tolist()),
+                        covariance=tuple(tuple(r) for r in beliefs.covariances[row].tolist()),
+                    )
+                )
+        return TrackReport(self.robot_id, tuple(tracks), self.zones)
+
+    def _problem(
+        self,
+        knowledge: Knowledge,
+        beliefs: Beliefs,
+        sees: BoolArray,
+        state: tuple[Point, Point],
+    ) -> Problem:
+        """Return the single-robot problem over the targets known to the private filter."""
+        rules = knowledge.rules
+        means, priors, growth = estimation.forecast(
+            beliefs, rules.filter, rules.step_s, rules.horizon
+        )
+        zones = self.zones
+        severities = dict(knowledge.severities)
+        return Problem(
+            robot_ids=(self.robot_id,),
+            step_s=rules.step_s,
+            horizon=rules.horizon,
+            dynamics=rules.dynamics,
+            positions=frozen([state[0]]),
+            velocities=frozen([state[1]]),
+            control_lower=frozen([rules.control_lower]),
+            control_upper=frozen([rules.control_upper]),
+            speed_limit=frozen([rules.speed_limit_m_s]),
+            field_lower=frozen(rules.field_lower),
+            field_upper=frozen(rules.field_upper),
+            sees=frozen_bool(sees),
+            target_means=frozen(means),
+            target_priors=frozen(priors),
+            target_growth=frozen(growth),
+            sensor=rules.sensor,
+            sensing=_sensing_table(zones, severities),
+            communication=_communication_table(zones, severities),
+            weights=knowledge.weights,
+            separation_weight=rules.separation_weight,
+            min_dist_m=rules.min_dist_m,
+            obstacles=frozen(np.reshape([mate.position for mate in knowledge.mates], (-1, 2))),
+            previous=None,
+            replan=frozen_bool([False]),
+        )
+
+
+def _handed_over(knowledge: Knowledge) -> Beliefs:
+    """Return the private filter's start: the team's tracks of the robot's own targets.
+
+    A track whose shape is not the filter's, or that is no Gaussian, counts as unknown.
+    """
+    settings = knowledge.rules.filter
+    beliefs = estimation.start(knowledge.targets, settings)
+    means, covariances = beliefs.means.copy(), beliefs.covariances.copy()
+    known = beliefs.known.copy()
+    d = settings.dimension
+    for track in knowledge.tracks:
+        if track.target_id not in beliefs.ids or len(track.mean) != d:
+            continue
+        covariance = np.asarray(track.covariance, dtype=np.float64)
+        sound = covariance.shape == (d, d) and is_covariance(covariance)
+        if not (sound and np.isfinite(track.mean).all()):
+            continue
+        row = beliefs.ids.index(track.target_id)
+        means[row], covariances[row], known[row] = track.mean, covariance, True
+    return replace(beliefs, means=means, covariances=covariances, known=known, started=known)
+
+
+def _selected(beliefs: Beliefs, rows: IntArray) -> Beliefs:
+    return Beliefs(
+        ids=tuple(beliefs.ids[row] for row in rows),
+        means=beliefs.means[rows],
+        covariances=beliefs.covariances[rows],
+        known=beliefs.known[rows],
+        unseen_s=beliefs.unseen_s[rows],
+        rejected=beliefs.rejected[rows],
+        started=beliefs.started[rows],
+    )
+
+
+def _sensing_table(zones: tuple[Zone, ...], severities: dict[str, float]) -> ZoneTable:
+    chosen = [zone for zone in zones if zone.kind is ZoneKind.SENSING]
+    severity = [severities.get(zone.id, 1.0) for zone in chosen]
+    quantiles = [zone.quantile(s) for zone, s in zip(chosen, severity, strict=True)]
+    return _table(chosen, [zone.margin for zone in chosen], quantiles, severity)
+
+
+def _communication_table(zones: tuple[Zone, ...], severities: dict[str, float]) -> ZoneTable:
+    """Communication zones as a robot alone fears them: its own risk, no term of the team."""
+    chosen = [zone for zone in zones if zone.kind is ZoneKind.COMMUNICATION]
+    severity = [severities.get(zone.id, 1.0) for zone in chosen]
+    quantiles = [zone.quantile_single(s) for zone, s in zip(chosen, severity, strict=True)]
+    return _table(chosen, [0.0] * len(chosen), quantiles, severity)
+
+
+def _table(
+    zones: list[Zone], margins: list[float], quantiles: list[float], severities: list[float]
+) -> ZoneTable:
+    return ZoneTable(
+        centres=frozen(np.reshape([zone.mean for zone in zones], (-1, 2))),
+        covariances=frozen(np.reshape([zone.covariance for zone in zones], (-1, 2, 2))),
+        margins=frozen(margins),
+        quantiles=frozen(quantiles),
+        severities=frozen(severities),
+        known=frozen_bool(np.ones((1, len(zones)), dtype=np.bool_)),
+    )
+
+
+def _shifted(plan: FloatArray | None, elapsed_s: float, step_s: float) -> FloatArray | None:
+    """Return the last plan (H, 2) as a warm start (1, H, 2), as much later as it is now."""
+    if plan is None:
+        return None
+    steps = np.floor(np.arange(len(plan)) + max(elapsed_s, 0.0) / step_s + 1e-9).astype(int)
+    return frozen(plan[np.minimum(steps, len(plan) - 1)][None])
+
+
+def _point(row: FloatArray) -> Point:
+    return (float(row[0]), float(row[1]))
