@@ -1,0 +1,209 @@
+"""Flying alone: what is taken along, what is planned, what is brought back."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from filterpy.kalman import ExtendedKalmanFilter
+from scipy.stats import norm
+
+from solver.estimation import FilterSettings, MotionModel
+from solver.observations import Detections, OnboardTrack, Sighting
+from solver.problem import Budget
+from solver.zones import Zone, ZoneKind
+from tests.vehicles.pilots import JAMMING, RULES, SENSING, Recorder, knowledge, track, with_rules
+from vehicles.onboard import OnboardPilot
+
+BUDGET = Budget()
+HERE, STILL = (0.0, 0.0), (0.0, 0.0)
+
+
+def cut_off(at_s: float = 10.0) -> tuple[OnboardPilot, Recorder]:
+    planner = Recorder()
+    pilot = OnboardPilot(21, planner)
+    pilot.learn(knowledge())
+    pilot.lost_link(at_s)
+    return pilot, planner
+
+
+def seen(target_id: int, range_m: float, bearing_rad: float) -> Detections:
+    return Detections(21, HERE, (Sighting(target_id, range_m, bearing_rad),))
+
+
+def test_connected_or_never_told_it_stands_still() -> None:
+    planner = Recorder()
+    pilot = OnboardPilot(21, planner)
+    pilot.lost_link(0.0)
+    assert not pilot.alone
+    assert pilot.plan(1.0, (2.0, 3.0), STILL, BUDGET) == ((0.0, 0.0), (2.0, 3.0))
+    pilot.learn(knowledge())
+    assert pilot.plan(1.0, (2.0, 3.0), STILL, BUDGET) == ((0.0, 0.0), (2.0, 3.0))
+    assert planner.problems == []
+
+
+def test_anothers_knowledge_is_refused() -> None:
+    with pytest.raises(ValueError, match="robot 21 was told what robot 26"):
+        OnboardPilot(21, Recorder()).learn(knowledge(robot_id=26))
+
+
+def test_alone_it_solves_the_problem_of_one_robot() -> None:
+    pilot, planner = cut_off()
+    pilot.observe(Detections(21, HERE, ()))
+    velocity, waypoint = pilot.plan(10.5, (0.5, -0.5), (0.1, 0.2), BUDGET)
+    assert velocity == (0.1, 0.0)
+    assert waypoint == pytest.approx((0.55, -0.5))
+    (problem,) = planner.problems
+    assert problem.robot_ids == (21,)
+    assert problem.positions.tolist() == [[0.5, -0.5]]
+    assert problem.velocities.tolist() == [[0.1, 0.2]]
+    assert problem.sees.tolist() == [[True, True]]
+    assert problem.obstacles.tolist() == [[3.0, 3.0]]
+    assert problem.weights == knowledge().weights
+    assert problem.speed_limit.tolist() == [0.5]
+    assert problem.previous is None
+
+
+def test_zones_are_feared_as_one_robot_fears_them() -> None:
+    pilot, planner = cut_off()
+    pilot.plan(10.5, HERE, STILL, BUDGET)
+    (problem,) = planner.problems
+    assert problem.sensing.centres.tolist() == [[4.0, 0.0]]
+    assert problem.sensing.margins.tolist() == [0.1]
+    assert problem.sensing.quantiles == pytest.approx([norm.isf(0.1)])
+    assert problem.communication.centres.tolist() == [[0.0, 4.0]]
+    assert problem.communication.margins.tolist() == [0.0], "no team term alone"
+    assert problem.communication.quantiles == pytest.approx([norm.isf(0.3) * np.sqrt(2.0)])
+    assert problem.communication.severities.tolist() == [2.0]
+    assert problem.sensing.known.tolist() == [[True]]
+
+
+def test_a_zone_suffered_alone_counts_at_once_and_is_brought_back() -> None:
+    pilot, planner = cut_off()
+    new = Zone("c9", ZoneKind.COMMUNICATION, (7.0, 7.0), ((1.0, 0.0), (0.0, 1.0)), 0.2, 0.05)
+    pilot.reveal(new)
+    pilot.plan(10.5, HERE, STILL, BUDGET)
+    assert planner.problems[0].communication.centres.tolist() == [[0.0, 4.0], [7.0, 7.0]]
+    assert pilot.report(10.5).zones == (SENSING, JAMMING, new)
+    moved = replace(SENSING, mean=(5.0, 5.0))
+    pilot.reveal(moved)
+    assert pilot.zones == (moved, JAMMING, new)
+
+
+def test_a_zone_suffered_just_before_is_not_forgotten_until_the_team_tells_it() -> None:
+    pilot = OnboardPilot(21, Recorder())
+    pilot.learn(replace(knowledge(), zones=()))
+    pilot.reveal(SENSING)
+    pilot.learn(replace(knowledge(), zones=()))
+    assert pilot.zones == (SENSING,)
+    pilot.learn(replace(knowledge(), zones=(replace(SENSING, mean=(1.0, 1.0)),)))
+    assert pilot.zones[0].mean == (1.0, 1.0)
+
+
+def test_the_private_filter_is_a_kalman_filter_started_from_the_teams_tracks() -> None:
+    pilot, planner = cut_off(at_s=10.5)
+    pilot.observe(seen(122, 1.2, 0.1))
+    pilot.plan(10.5, HERE, STILL, BUDGET)
+
+    oracle = ExtendedKalmanFilter(dim_x=2, dim_z=2)
+    oracle.x, oracle.P = np.array([1.0, 0.0]), 0.2 * np.eye(2)
+    oracle.Q = RULES.filter.process_noise * 0.5 * np.eye(2)
+    oracle.predict()
+    rho = np.sqrt(1.0 + 0.1**2)
+    oracle.R = np.eye(2) * np.exp(0.2 * rho) / 15.0
+    oracle.update(
+        np.array([1.2, 0.1]),
+        HJacobian=lambda _: np.array([[1.0 / rho, 0.0], [0.0, 1.0 / rho**2]]),
+        Hx=lambda x: np.array([np.hypot(*x), np.arctan2(x[1], x[0])]),
+    )
+    tracks = {found.target_id: found for found in pilot.report(10.5).tracks}
+    assert tracks[122].mean == pytest.approx(oracle.x)
+    assert np.array(tracks[122].covariance) == pytest.approx(oracle.P)
+    assert tracks[124].mean == (2.0, 2.0), "unseen targets are predicted"
+    assert np.array(tracks[124].covariance) == pytest.approx((0.2 + 0.05) * np.eye(2))
+    assert planner.problems[0].target_means[0] == pytest.approx(
+        np.array([tracks[122].mean, tracks[124].mean])
+    )
+
+
+def test_it_predicts_by_the_time_that_passed_and_not_twice() -> None:
+    pilot, _ = cut_off()
+    for now in (10.1, 10.4, 10.4, 11.0):
+        pilot.plan(now, HERE, STILL, BUDGET)
+    for now, passed in ((11.0, 1.0), (10.0, 1.0), (13.0, 3.0)):
+        (first, _) = pilot.report(now).tracks
+        expected = 0.2 + passed * RULES.filter.process_noise
+        assert first.covariance[0][0] == pytest.approx(expected)
+
+
+def test_without_observations_it_is_blind() -> None:
+    pilot, planner = cut_off()
+    pilot.observe(seen(122, 1.0, 0.0))
+    pilot.plan(10.5, HERE, STILL, BUDGET)
+    pilot.plan(11.0, HERE, STILL, BUDGET)
+    assert [problem.sees.any() for problem in planner.problems] == [True, False]
+
+
+def test_a_target_unknown_to_the_team_is_planned_for_once_it_is_seen() -> None:
+    planner = Recorder()
+    pilot = OnboardPilot(21, planner)
+    pilot.learn(replace(knowledge(), tracks=(track(122, 1.0, 0.0),)))
+    pilot.lost_link(10.0)
+    pilot.plan(10.5, HERE, STILL, BUDGET)
+    pilot.observe(seen(124, 3.0, 0.0))
+    pilot.plan(11.0, HERE, STILL, BUDGET)
+    assert [problem.sees.shape for problem in planner.problems] == [(1, 1), (1, 2)]
+    assert {found.target_id for found in pilot.report(11.0).tracks} == {122, 124}
+
+
+@pytest.mark.parametrize(
+    "damaged",
+    [
+        OnboardTrack(122, (1.0, 0.0, 0.0), ((1.0, 0.0), (0.0, 1.0))),
+        OnboardTrack(122, (1.0, float("nan")), ((1.0, 0.0), (0.0, 1.0))),
+        OnboardTrack(122, (1.0, 0.0), ((1.0, 2.0), (2.0, 1.0))),
+        OnboardTrack(999, (1.0, 0.0), ((1.0, 0.0), (0.0, 1.0))),
+    ],
+)
+def test_a_damaged_track_counts_as_unknown(damaged: OnboardTrack) -> None:
+    pilot = OnboardPilot(21, Recorder())
+    pilot.learn(replace(knowledge(), tracks=(damaged,)))
+    pilot.lost_link(10.0)
+    assert pilot.alone
+    assert pilot.report(10.0).tracks == ()
+
+
+def test_velocities_are_handed_over_too() -> None:
+    settings = FilterSettings(model=MotionModel.CONSTANT_VELOCITY, process_noise=0.01)
+    moving = OnboardTrack(
+        122, (1.0, 0.0, 0.4, 0.0), tuple(tuple(row) for row in np.diag([0.2] * 4).tolist())
+    )
+    planner = Recorder()
+    pilot = OnboardPilot(21, planner)
+    pilot.learn(with_rules(replace(knowledge(), tracks=(moving,)), filter=settings))
+    pilot.lost_link(10.0)
+    pilot.plan(12.0, HERE, STILL, BUDGET)
+    assert planner.problems[0].target_means[0, 0] == pytest.approx([1.8 + 0.2, 0.0])
+
+
+def test_the_plan_is_kept_as_a_warm_start_shifted_by_the_time_that_passed() -> None:
+    planner = Recorder()
+    pilot = OnboardPilot(21, planner)
+    pilot.learn(with_rules(knowledge(), horizon=3))
+    pilot.lost_link(10.0)
+    pilot.plan(10.0, HERE, STILL, BUDGET)
+    pilot.plan(10.1, HERE, STILL, BUDGET)
+    pilot.plan(10.6, HERE, STILL, BUDGET)
+    previous = [problem.previous for problem in planner.problems]
+    assert previous[0] is None
+    assert previous[1] is not None
+    assert previous[2] is not None
+    assert previous[1][0, :, 1].tolist() == [0.0, 1.0, 2.0]
+    assert previous[2][0, :, 1].tolist() == [1.0, 2.0, 2.0]
+
+
+def test_coming_back_ends_being_alone() -> None:
+    pilot, _ = cut_off()
+    assert len(pilot.report(12.0).tracks) == 2
+    pilot.learn(knowledge(time_s=12.0))
+    assert not pilot.alone
+    assert pilot.report(12.0).tracks == ()
