@@ -1,0 +1,1 @@
+"""Scenario files: ours and the paper authors', checked, and what is made of them."""
