@@ -18,9 +18,6 @@ from solver.observations import Link
 from solver.snapshot import Snapshot
 
 WEIGHT_NAMES = Weights._fields
-ROUNDING = 1e-6
-"""Relative tolerance at a bound: numbers travel through a prompt in rounded form."""
-
 _ASSIGNS = frozenset({Source.TASK_LLM, Source.EXACT, Source.REPAIR, Source.OPERATOR})
 _WEIGHS = frozenset({Source.ACTION_LLM, Source.OPERATOR})
 
@@ -273,15 +270,11 @@ def _weights(weights: tuple[float, ...] | None, limits: Limits) -> Iterator[str]
     for index, (name, weight, lower, upper) in enumerate(bounds, start=1):
         if not math.isfinite(weight):
             yield f"Weight {index} ({name}) is not a finite number."
-        elif not _within(weight, lower, upper):
+        elif not lower <= weight <= upper:
             yield (
-                f"Weight {index} ({name}) must be between {words.number(lower)} and "
-                f"{words.number(upper)}, not {words.number(weight)}."
+                f"Weight {index} ({name}) must be between {words.at_least(lower)} and "
+                f"{words.at_most(upper)}, not {words.number(weight)}."
             )
-
-
-def _within(value: float, lower: float, upper: float) -> bool:
-    return lower * (1.0 - ROUNDING) <= value <= upper * (1.0 + ROUNDING)
 
 
 def _severities(proposal: Proposal, snapshot: Snapshot, limits: Limits) -> Iterator[str]:
@@ -297,15 +290,15 @@ def _severities(proposal: Proposal, snapshot: Snapshot, limits: Limits) -> Itera
             yield f"No zone {name} is known."
         elif not math.isfinite(severity):
             yield f"The severity of zone {name} is not a finite number."
-        elif not _within(severity, limits.severity_lower, limits.severity_upper):
+        elif not limits.severity_lower <= severity <= limits.severity_upper:
             yield (
                 f"The severity of zone {name} must be between "
-                f"{words.number(limits.severity_lower)} and "
-                f"{words.number(limits.severity_upper)}, not {words.number(severity)}."
+                f"{words.at_least(limits.severity_lower)} and "
+                f"{words.at_most(limits.severity_upper)}, not {words.number(severity)}."
             )
         else:
             now = snapshot.directives.severity_of(zone_id)
-            if severity < now * (1.0 - ROUNDING) and proposal.source is not Source.OPERATOR:
+            if severity < now and proposal.source is not Source.OPERATOR:
                 yield (
                     f"The severity of zone {name} is {words.number(now)}; only an operator "
                     "may lower it."

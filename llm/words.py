@@ -1,5 +1,6 @@
 """Small pieces of plain English that prompts and violations share."""
 
+import math
 from collections.abc import Iterable, Sequence
 
 
@@ -38,6 +39,25 @@ def number(value: float) -> str:
     if "." in text:
         text = text.rstrip("0").rstrip(".")
     return "0" if text == "-0" else text
+
+
+def at_least(lower: float) -> str:
+    """Write a lower bound briefly, rounded so that the number written keeps it."""
+    return _rounded(lower, -1.0)
+
+
+def at_most(upper: float) -> str:
+    """Write an upper bound briefly, rounded so that the number written keeps it."""
+    return _rounded(upper, 1.0)
+
+
+def _rounded(bound: float, side: float) -> str:
+    text = number(bound)
+    if (float(text) - bound) * side <= 0.0:
+        return text
+    unit = 10.0 ** (math.floor(math.log10(abs(bound))) - 3)
+    inner = number(bound - side * unit)
+    return inner if (float(inner) - bound) * side <= 0.0 else repr(bound)
 
 
 def cut(text: str, length: int) -> str:

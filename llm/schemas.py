@@ -1,0 +1,131 @@
+"""JSON schemas of the answers, built from the team, so that much cannot be said wrongly.
+
+Only features that strict structured output knows everywhere: objects whose properties are
+all required, arrays with `maxItems`, enumerations. What the grammar cannot hold (beta,
+repeated ids) the verification does.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+from llm.coverage import Team
+from llm.verification import WEIGHT_NAMES, Limits
+from solver.directives import CommentVerdict
+from solver.observations import Link
+from solver.snapshot import Snapshot
+
+LONGEST_FEEDBACK = 400
+WEIGHT_LEVELS = 9
+"""Steps of a weight between its bounds in the compact style."""
+
+Schema = dict[str, Any]
+
+
+def task_schema(team: Team, comments: Sequence[str], extras: Sequence[str]) -> Schema:
+    """Return the schema of a task answer.
+
+    Args:
+        team: Robots that can be reached, targets that count, effective capacities.
+        comments: Labels of the comments to be answered.
+        extras: Names of optional proposals offered: "capacities".
+    """
+    targets: Schema = {"type": "integer"}
+    if team.targets:
+        targets["enum"] = list(team.targets)
+    rows = {
+        str(robot_id): {
+            "type": "array",
+            "items": targets,
+            "maxItems": team.capacities[robot_id],
+        }
+        for robot_id, link in team.links.items()
+        if link is Link.CONNECTED
+    }
+    properties: Schema = {"assignment": _object(rows)}
+    if "capacities" in extras:
+        pair = {
+            "drone": {"type": "integer", "enum": [int(robot_id) for robot_id in rows]},
+            "capacity": {"type": "integer", "minimum": 0, "maximum": len(team.targets)},
+        }
+        properties["capacities"] = _several(_object(pair), len(rows))
+    return _object(properties | _common(comments))
+
+
+def action_schema(
+    snapshot: Snapshot,
+    limits: Limits,
+    zones: Sequence[str],
+    comments: Sequence[str],
+    extras: Sequence[str],
+) -> Schema:
+    """Return the schema of an action answer.
+
+    Args:
+        snapshot: The team.
+        limits: Bounds of weights and severities.
+        zones: Labels of the known zones.
+        comments: Labels of the comments to be answered.
+        extras: Names of optional proposals offered: "severities", "replan".
+    """
+    bounds = zip(WEIGHT_NAMES, limits.weights_lower, limits.weights_upper, strict=True)
+    levels = "levels" in extras
+    weights = {
+        name: (
+            {"type": "number", "enum": weight_levels(lower, upper)}
+            if levels
+            else {"type": "number", "minimum": lower, "maximum": upper}
+        )
+        for name, lower, upper in bounds
+    }
+    properties: Schema = {"weights": _object(weights)}
+    if "severities" in extras and zones:
+        pair = {
+            "zone": {"type": "string", "enum": list(zones)},
+            "severity": {
+                "type": "number",
+                "minimum": limits.severity_lower,
+                "maximum": limits.severity_upper,
+            },
+        }
+        properties["severities"] = _several(_object(pair), len(zones))
+    reachable = [
+        robot_id
+        for robot_id, link in zip(snapshot.robots.ids, snapshot.robots.links, strict=True)
+        if link is Link.CONNECTED
+    ]
+    if "replan" in extras and reachable:
+        robots = {"type": "integer", "enum": reachable}
+        properties["replan"] = _several(robots, len(reachable))
+    return _object(properties | _common(comments))
+
+
+def weight_levels(lower: float, upper: float) -> list[float]:
+    """Return geometric steps from one bound to the other, for models that copy numbers."""
+    ratio = (upper / lower) ** (1.0 / (WEIGHT_LEVELS - 1))
+    inner = [float(f"{lower * ratio**k:.3g}") for k in range(1, WEIGHT_LEVELS - 1)]
+    return sorted({lower, *(min(max(level, lower), upper) for level in inner), upper})
+
+
+def _common(comments: Sequence[str]) -> Schema:
+    properties: Schema = {"feedback": {"type": "string", "maxLength": LONGEST_FEEDBACK}}
+    if comments:
+        answer = {
+            "id": {"type": "string", "enum": list(comments)},
+            "verdict": {"type": "string", "enum": [verdict.value for verdict in CommentVerdict]},
+            "reason": {"type": "string", "maxLength": LONGEST_FEEDBACK},
+        }
+        properties["comments"] = _several(_object(answer), len(comments))
+    return properties
+
+
+def _object(properties: Schema) -> Schema:
+    return {
+        "type": "object",
+        "properties": properties,
+        "required": list(properties),
+        "additionalProperties": False,
+    }
+
+
+def _several(items: Schema, most: int) -> Schema:
+    return {"type": "array", "items": items, "maxItems": most}
