@@ -1,11 +1,18 @@
 """Settings: from the command line, the environment (FALCONER_*) and `falconer.toml`, in that order.
 
-docs/reference/settings.md describes each; a test holds the two together.
+docs/reference/settings.md describes each; a test holds the two together. Secrets come from the
+environment only: files are copied, mailed and committed. A misspelt setting, and one whose
+feature is not there yet, is refused rather than passed over: somebody relies on it.
 """
 
-from typing import Annotated
+import difflib
+import os
+import tomllib
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, SecretStr
+from pydantic import Field, SecretStr, ValidationError
 from pydantic_settings import (
     BaseSettings,
     PydanticBaseSettingsSource,
@@ -16,25 +23,50 @@ from pydantic_settings import (
 SETTINGS_FILE = "falconer.toml"
 PREFIX = "FALCONER_"
 
+NOT_BUILT = frozenset(
+    {
+        "database_url",
+        "recordings",
+        "session_secret",
+        "zenoh_ca_certificate",
+        "zenoh_certificate",
+        "zenoh_password",
+        "zenoh_private_key",
+        "zenoh_username",
+    }
+)
+"""Names that are reserved: setting one is refused until its feature is there."""
+
 Token = Annotated[SecretStr, Field(min_length=16)]
+Url = Annotated[str, Field(pattern=r"^https?://[^/\s]+")]
+
+
+class SettingsError(Exception):
+    """Raised when a setting is unknown, out of its range, or in the wrong place."""
 
 
 class Settings(BaseSettings):
     """Everything a server can be told from outside. Immutable."""
 
     model_config = SettingsConfigDict(
-        env_prefix=PREFIX, toml_file=SETTINGS_FILE, extra="ignore", frozen=True
+        env_prefix=PREFIX,
+        env_ignore_empty=True,
+        toml_file=SETTINGS_FILE,
+        extra="forbid",
+        frozen=True,
+        hide_input_in_errors=True,
     )
 
-    host: str = Field("127.0.0.1", description="Address to listen on.")
+    host: str = Field("127.0.0.1", min_length=1, description="Address to listen on.")
     port: int = Field(8000, ge=0, le=65535, description="Port to listen on, 0 for a free one.")
     admin_token: Token | None = Field(None, description="Token of those who may do everything.")
     operator_token: Token | None = Field(None, description="Token of those who may steer.")
     viewer_token: Token | None = Field(None, description="Token of those who may only look.")
-    llm_base_url: str | None = Field(
+    session_secret: Token | None = Field(None, description="Signs the cookies of browsers.")
+    llm_base_url: Url | None = Field(
         None, description="OpenAI-compatible endpoint, such as http://127.0.0.1:8080/v1."
     )
-    llm_model: str = Field("default", description="Model to ask for there.")
+    llm_model: str = Field("default", min_length=1, description="Model to ask for there.")
     llm_api_key: SecretStr | None = Field(None, description="Its key, if it wants one.")
     zenoh_connect: str | None = Field(
         None, description="Router or peer to connect to, such as tcp/127.0.0.1:7447."
@@ -42,7 +74,18 @@ class Settings(BaseSettings):
     zenoh_listen: str | None = Field(
         None, description="Endpoint to listen on for vehicles, such as tcp/127.0.0.1:7447."
     )
-    engine: str | None = Field(None, description="Optimizer engine: fast, sqp or ipopt.")
+    zenoh_username: str | None = Field(None, description="Name to log in to the bus with.")
+    zenoh_password: SecretStr | None = Field(None, description="Its password.")
+    zenoh_ca_certificate: Path | None = Field(
+        None, description="PEM file of the authority that signs the bus's certificates."
+    )
+    zenoh_certificate: Path | None = Field(None, description="PEM file of our own certificate.")
+    zenoh_private_key: Path | None = Field(None, description="PEM file of its private key.")
+    database_url: str | None = Field(None, description="Where the journal is kept.")
+    recordings: Path | None = Field(None, description="Folder that recordings are written to.")
+    engine: Literal["fast", "sqp", "ipopt"] | None = Field(
+        None, description="Optimizer engine, before the scenario's own."
+    )
 
     @classmethod
     def settings_customise_sources(
@@ -67,6 +110,67 @@ class Settings(BaseSettings):
     def tokens(self) -> tuple[str, ...]:
         """Return every token."""
         return self.operator_tokens() + self.viewer_tokens()
+
+
+def load_settings(**arguments: Any) -> Settings:
+    """Return the settings of this process; None among the arguments means not given.
+
+    Raises:
+        SettingsError: A setting is misspelt, out of range, a secret in the file, or reserved
+            for what is not built yet. The message never holds a secret.
+    """
+    _check_environment()
+    _check_file(Path(SETTINGS_FILE))
+    given = {name: value for name, value in arguments.items() if value is not None}
+    try:
+        settings = Settings(**given)
+    except ValidationError as error:
+        raise SettingsError("\n".join(map(_problem, error.errors(include_input=False)))) from None
+    for name in sorted(NOT_BUILT & settings.model_fields_set):
+        raise SettingsError(f"{variable(name)} is reserved: this version cannot do that yet")
+    return settings
+
+
+def variable(name: str) -> str:
+    """Return the environment variable of a setting."""
+    return f"{PREFIX}{name.upper()}"
+
+
+def _check_environment() -> None:
+    known = {variable(name) for name in Settings.model_fields}
+    for name, value in os.environ.items():
+        if name.upper().startswith(PREFIX) and value and name.upper() not in known:
+            raise SettingsError(f"{name}: there is no such setting{_closest(name.upper(), known)}")
+
+
+def _check_file(path: Path) -> None:
+    if not path.is_file():
+        return
+    try:
+        values = tomllib.loads(path.read_text("utf-8"))
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise SettingsError(f"{path} cannot be read: {error}") from error
+    for name in values:
+        if name not in Settings.model_fields:
+            hint = _closest(name, Settings.model_fields)
+            raise SettingsError(f"{path}: {name}: there is no such setting{hint}")
+        if _is_secret(name):
+            raise SettingsError(f"{path}: {name} is a secret: set {variable(name)} instead")
+
+
+def _is_secret(name: str) -> bool:
+    return "SecretStr" in repr(Settings.model_fields[name].annotation)
+
+
+def _closest(name: str, known: Iterable[str]) -> str:
+    matches = difflib.get_close_matches(name, list(known), n=1)
+    return f", did you mean {matches[0]}?" if matches else ""
+
+
+def _problem(entry: Any) -> str:
+    name = str(entry["loc"][0]) if entry["loc"] else ""
+    message = entry["msg"].replace("Input should", "must").replace("Value should", "must")
+    return f"{variable(name)}: {message}"
 
 
 def _revealed(*tokens: SecretStr | None) -> tuple[str, ...]:

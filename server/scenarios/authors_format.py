@@ -82,7 +82,7 @@ class ZonesSection(_Part):
     eps2_single: Annotated[float, Field(strict=True, gt=0.0, le=0.5)]
     attack_recover_eps: Annotated[float, Field(strict=True, gt=0.0, le=1e6)]
     attack_dt: Seconds
-    attack_seed: Annotated[int, Field(strict=True, ge=0, le=2**32 - 1)]
+    attack_seed: Annotated[int, Field(strict=True, ge=0, le=2**63 - 1)]
 
 
 class ExperimentFile(_Part):

@@ -72,7 +72,7 @@ class Scenario(Part):
         description="`authors`: noise, jamming and recovery as in the paper authors' program, "
         "and their trace accounting beside ours.",
     )
-    seed: Annotated[int, Field(strict=True, ge=0, le=2**32 - 1)] = Field(
+    seed: Annotated[int, Field(strict=True, ge=0, le=2**63 - 1)] = Field(
         default=0, description="One seed, one world."
     )
     tick_s: Seconds = Field(default=0.1, description="Time step of lockstep.")
