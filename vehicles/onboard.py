@@ -15,6 +15,7 @@ from solver import estimation
 from solver.arrays import BoolArray, FloatArray, IntArray, frozen, frozen_bool
 from solver.beliefs import Beliefs, is_covariance
 from solver.observations import Detections, OnboardTrack, TrackReport
+from solver.plans import shifted
 from solver.problem import Budget, Problem, Solution, ZoneTable
 from solver.zones import Point, Zone, ZoneKind
 from vehicles.knowledge import Knowledge
@@ -130,7 +131,9 @@ class OnboardPilot:
         problem = self._problem(
             self._knowledge, _selected(self._beliefs, known), sees, (position, velocity)
         )
-        previous = _shifted(self._plan, now_s - self._planned_s, rules.step_s)
+        previous = None
+        if self._plan is not None:
+            previous = frozen(shifted(self._plan, now_s - self._planned_s, rules.step_s)[None])
         solution = self._planner.solve(replace(problem, previous=previous), budget)
         self._plan, self._planned_s = solution.controls[0], now_s
         return _point(solution.velocities[0, 0]), _point(solution.positions[0, 0])
@@ -264,14 +267,6 @@ def _table(
         severities=frozen(severities),
         known=frozen_bool(np.ones((1, len(zones)), dtype=np.bool_)),
     )
-
-
-def _shifted(plan: FloatArray | None, elapsed_s: float, step_s: float) -> FloatArray | None:
-    """Return the last plan (H, 2) as a warm start (1, H, 2), as much later as it is now."""
-    if plan is None:
-        return None
-    steps = np.floor(np.arange(len(plan)) + max(elapsed_s, 0.0) / step_s + 1e-9).astype(int)
-    return frozen(plan[np.minimum(steps, len(plan) - 1)][None])
 
 
 def _point(row: FloatArray) -> Point:

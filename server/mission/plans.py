@@ -4,6 +4,7 @@ import numpy as np
 
 from server.mission.setup import MissionSetup
 from solver.arrays import FloatArray, frozen
+from solver.plans import shifted
 from solver.problem import Solution
 
 
@@ -31,17 +32,10 @@ class PlanBook:
     def shifted(self, robot_ids: tuple[int, ...], elapsed_s: float) -> FloatArray | None:
         """Return the plans `elapsed_s` later, (M, H, 2), zero for a robot without one.
 
-        None when no robot has one. Controls are constant over a step: less than a step
-        later the control is the same.
+        None when no robot has one.
         """
         if not any(robot_id in self._controls for robot_id in robot_ids):
             return None
-        steps = np.arange(self._horizon)
-        moved = np.floor(steps + elapsed_s / self._step_s + 1e-9).astype(int)
-        index = np.minimum(moved, self._horizon - 1)
         blank = np.zeros((self._horizon, 2))
-        plans = [
-            self._controls[robot_id][index] if robot_id in self._controls else blank
-            for robot_id in robot_ids
-        ]
-        return frozen(plans)
+        plans = np.stack([self._controls.get(robot_id, blank) for robot_id in robot_ids])
+        return frozen(shifted(plans, elapsed_s, self._step_s))
