@@ -20,7 +20,7 @@ from server.mission.setup import MissionSetup
 from server.mission.team import Lanes, TeamBook
 from solver import estimation
 from solver.arrays import frozen, frozen_bool
-from solver.directives import Proposal, Verdict
+from solver.directives import Directives, Proposal, Verdict
 from solver.estimation import Beliefs
 from solver.observations import (
     Attack,
@@ -83,6 +83,11 @@ class MissionCore:
     def beliefs(self) -> Beliefs:
         """The team's full filter state, for robots that may have to go on alone."""
         return self._beliefs
+
+    @property
+    def directives(self) -> Directives:
+        """What is in force now; the snapshot shows what was in force at its tick."""
+        return self._directives
 
     @property
     def limits(self) -> Limits:
@@ -300,9 +305,7 @@ class MissionCore:
         return TrackTable(
             ids=beliefs.ids,
             positions=frozen(beliefs.means[:, :2]),
-            velocities=frozen(
-                np.zeros((len(beliefs.ids), 2)) if velocities is None else velocities
-            ),
+            velocities=frozen(velocities),
             covariances=frozen(covariances),
             unseen_s=frozen(beliefs.unseen_s),
             status=beliefs.status(COASTING_S),

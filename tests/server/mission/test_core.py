@@ -138,7 +138,7 @@ def test_a_returning_robot_brings_zones_and_tracks_without_double_counting() -> 
     assert np.linalg.eigvalsh(fused - before).min() > -1e-9, "same information twice is not more"
     assert core.snapshot.zones == ()
     core.commit(straight_solution(core.begin(0.2)))
-    assert [z.id for z in core.snapshot.zones] == ["s1"]
+    assert [zone.id for zone in core.snapshot.zones] == ["s1"]
 
 
 def test_an_accepted_proposal_is_in_the_next_problem_and_a_refused_one_changes_nothing() -> None:
