@@ -18,6 +18,9 @@ from solver.observations import Link
 from solver.snapshot import Snapshot
 
 WEIGHT_NAMES = Weights._fields
+PROMPT_ROUNDING = 1e-3
+"""Relative: a severity repeated as the prompt wrote it is not lowered."""
+
 _ASSIGNS = frozenset({Source.TASK_LLM, Source.EXACT, Source.REPAIR, Source.OPERATOR})
 _WEIGHS = frozenset({Source.ACTION_LLM, Source.OPERATOR})
 
@@ -273,7 +276,7 @@ def _weights(weights: tuple[float, ...] | None, limits: Limits) -> Iterator[str]
         elif not lower <= weight <= upper:
             yield (
                 f"Weight {index} ({name}) must be between {words.at_least(lower)} and "
-                f"{words.at_most(upper)}, not {words.number(weight)}."
+                f"{words.at_most(upper)}, not {weight:.10g}."
             )
 
 
@@ -294,11 +297,11 @@ def _severities(proposal: Proposal, snapshot: Snapshot, limits: Limits) -> Itera
             yield (
                 f"The severity of zone {name} must be between "
                 f"{words.at_least(limits.severity_lower)} and "
-                f"{words.at_most(limits.severity_upper)}, not {words.number(severity)}."
+                f"{words.at_most(limits.severity_upper)}, not {severity:.10g}."
             )
         else:
             now = snapshot.directives.severity_of(zone_id)
-            if severity < now and proposal.source is not Source.OPERATOR:
+            if severity < now * (1.0 - PROMPT_ROUNDING) and proposal.source is not Source.OPERATOR:
                 yield (
                     f"The severity of zone {name} is {words.number(now)}; only an operator "
                     "may lower it."

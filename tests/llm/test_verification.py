@@ -310,7 +310,10 @@ def test_capacities_stop_at_the_missions_ceiling() -> None:
         (tuple(WEIGHTS), ""),
         ((1.0, 0.005, 5.0, 5.0), ""),
         ((100.0, 0.5, 500.0, 500.0), ""),
-        ((100.00001, 0.5, 500.0, 500.0), "Weight 1 (tracking) must be between 1 and 100, not 100."),
+        (
+            (100.00001, 0.5, 500.0, 500.0),
+            "Weight 1 (tracking) must be between 1 and 100, not 100.00001.",
+        ),
         ((101.0, 0.05, 50.0, 50.0), "Weight 1 (tracking) must be between 1 and 100, not 101."),
         ((10.0, 0.0, 50.0, 50.0), "Weight 2 (control) must be between 0.005 and 0.5, not 0."),
         ((10.0, 0.05, -50.0, 50.0), "Weight 3 (sensing) must be between 5 and 500, not -50."),
