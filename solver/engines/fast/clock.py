@@ -1,0 +1,24 @@
+"""The monotonic clock, readable inside a kernel."""
+
+import time
+
+import numpy as np
+from numba import types
+
+from solver.arrays import IntArray
+from solver.engines.fast.jit import inlined
+
+_CLOCK = time.CLOCK_MONOTONIC
+_clock_gettime = types.ExternalFunction(
+    "clock_gettime", types.int32(types.int32, types.voidptr)
+)
+
+
+@inlined
+def now(timespec: IntArray) -> float:
+    """Return seconds on CLOCK_MONOTONIC, as `time.monotonic` does.
+
+    `timespec` is scratch of shape (2,), int64.
+    """
+    _clock_gettime(np.int32(_CLOCK), timespec.ctypes)
+    return timespec[0] + 1e-9 * timespec[1]

@@ -1,0 +1,25 @@
+"""How kernels are compiled: one machine-code routine, no Python inside, no fast maths.
+
+Helpers are typed and compiled together with the routine that calls them, so only that
+routine carries an explicit signature and is cached (see `compiled.py`). Division follows
+numpy (no exceptions), the interpreter's lock is released.
+"""
+
+from collections.abc import Callable
+from typing import TypeVar, cast
+
+import numba
+
+_Function = TypeVar("_Function", bound=Callable[..., object])
+
+
+def kernel(function: _Function) -> _Function:
+    """Mark a function as a part of the compiled routine."""
+    return cast(_Function, numba.njit(nogil=True, error_model="numpy")(function))
+
+
+def inlined(function: _Function) -> _Function:
+    """Mark a small function that is always expanded where it is called."""
+    return cast(
+        _Function, numba.njit(nogil=True, error_model="numpy", forceinline=True)(function)
+    )

@@ -1,0 +1,175 @@
+"""What the compiled routine is given: a problem as plain read-only arrays, by noun.
+
+M robots, N targets, H steps, K zones or obstacles. Frame ENU, metres, seconds.
+"""
+
+from typing import Any, NamedTuple
+
+from numba import types
+
+from solver.arrays import BoolArray, FloatArray, IntArray
+
+
+class Movement(NamedTuple):
+    """Where the robots are and how they may move."""
+
+    step: float
+    double: bool
+    positions: FloatArray
+    """(M, 2)."""
+
+    velocities: FloatArray
+    """(M, 2)."""
+
+    control_lower: FloatArray
+    control_upper: FloatArray
+    """(M, 2)."""
+
+    speed: FloatArray
+    """(M,)."""
+
+    field_lower: FloatArray
+    field_upper: FloatArray
+    """(2,)."""
+
+    field_weight: float
+    effort: float
+    """w2."""
+
+
+class Targets(NamedTuple):
+    """What is to be seen, and by whom."""
+
+    seen: IntArray
+    """(E,) flat indices into (M, N) of who sees what, ascending."""
+
+    means: FloatArray
+    """(H, N, 2)."""
+
+    priors: FloatArray
+    """(N, 2, 2)."""
+
+    growth: FloatArray
+    """(H, N, 2, 2)."""
+
+    sensor: FloatArray
+    """(5,) range peak and shape, bearing peak and shape, squared floor of the distance."""
+
+    weight: float
+    """w1."""
+
+    prior_least: float
+    prior_greatest: float
+    """The eigenvalues of the priors are clamped to this interval."""
+
+
+class Hazards(NamedTuple):
+    """Zones of one kind."""
+
+    centres: FloatArray
+    """(K, 2)."""
+
+    covariances: FloatArray
+    """(K, 2, 2)."""
+
+    margins: FloatArray
+    quantiles: FloatArray
+    severities: FloatArray
+    """(K,)."""
+
+    known: BoolArray
+    """(M, K)."""
+
+    weight: float
+    """w3 or w4."""
+
+
+class Safety(NamedTuple):
+    """Separation, and the lengths that round the corners of the objective."""
+
+    obstacles: FloatArray
+    """(K, 2)."""
+
+    distance: float
+    weight: float
+    zone_smoothing: float
+    mate_smoothing: float
+
+
+class Start(NamedTuple):
+    """Where to start and when to stop."""
+
+    previous: FloatArray
+    """(M, H, 2) the warm start, or (0, 0, 0) where there is none."""
+
+    replan: BoolArray
+    """(M,)."""
+
+    iterations: int
+    """Newton steps per robot."""
+
+    deadline: float
+    """On the monotonic clock, seconds; infinity for none."""
+
+
+def _array(dtype: Any, dimensions: int) -> Any:
+    return types.Array(dtype, dimensions, "C", readonly=True)
+
+
+def _tuple(kind: type, **fields: Any) -> Any:
+    return types.NamedTuple([fields[name] for name in kind._fields], kind)  # type: ignore[attr-defined]
+
+
+def signature() -> Any:
+    """Return the explicit signature of the compiled routine."""
+    number, whole, truth = types.float64, types.int64, types.boolean
+    vector, matrix, stack = _array(number, 1), _array(number, 2), _array(number, 3)
+    movement = _tuple(
+        Movement,
+        step=number,
+        double=truth,
+        positions=matrix,
+        velocities=matrix,
+        control_lower=matrix,
+        control_upper=matrix,
+        speed=vector,
+        field_lower=vector,
+        field_upper=vector,
+        field_weight=number,
+        effort=number,
+    )
+    targets = _tuple(
+        Targets,
+        seen=_array(whole, 1),
+        means=stack,
+        priors=stack,
+        growth=_array(number, 4),
+        sensor=vector,
+        weight=number,
+        prior_least=number,
+        prior_greatest=number,
+    )
+    hazards = _tuple(
+        Hazards,
+        centres=matrix,
+        covariances=stack,
+        margins=vector,
+        quantiles=vector,
+        severities=vector,
+        known=_array(truth, 2),
+        weight=number,
+    )
+    safety = _tuple(
+        Safety,
+        obstacles=matrix,
+        distance=number,
+        weight=number,
+        zone_smoothing=number,
+        mate_smoothing=number,
+    )
+    start = _tuple(
+        Start, previous=stack, replan=_array(truth, 1), iterations=whole, deadline=number
+    )
+    plan = types.Array(number, 3, "C")
+    answer = types.Tuple((plan, plan, plan, number, whole, truth))
+    return answer(movement, targets, hazards, hazards, safety, start)

@@ -1,0 +1,295 @@
+"""Predicted uncertainty of the targets, with exact first and second derivatives.
+
+Information form of the filter's covariance over the horizon (paper eq. 3, tracking term):
+
+    P(k) = (P-(k)^-1 + sum_i I_i(k))^-1,   P-(k+1) = P(k) + Q(k+1).
+
+The information of range and bearing from p = x - y, with rho^2 = |p|^2 + floor^2, is
+
+    I(p) = a p p' + b (Jp)(Jp)',  a = rp exp(-rs rho) / rho^2,  b = bp exp(-bs rho) / rho^4.
+
+A step's covariance hands on to all later ones; backwards the cost-to-go of P(k) is carried
+as its gradient L (symmetric 2x2) and Hessian W (3x3 over xx, xy, yy), which gives the exact
+cross-time Hessian of one robot's path at the price of a small constant per pair of steps.
+"""
+
+from math import exp, sqrt
+
+from solver.arrays import FloatArray
+from solver.engines.fast.jit import inlined, kernel
+from solver.engines.fast.layout import Sight
+from solver.engines.fast.symmetric import Symmetric, inner, inverse, lifted, sandwich
+
+CHAIN = 31
+"""Columns of the scratch: see `_forward`."""
+
+
+@inlined
+def information(x: float, y: float, sensor: FloatArray) -> Symmetric:
+    """Return what a robot at (x, y) relative to the target learns of it."""
+    squared = x * x + y * y + sensor[4]
+    distance = sqrt(squared)
+    along = sensor[0] * exp(-sensor[1] * distance) / squared
+    across = sensor[2] * exp(-sensor[3] * distance) / (squared * squared)
+    return (
+        along * x * x + across * y * y,
+        (along - across) * x * y,
+        along * y * y + across * x * x,
+    )
+
+
+@kernel
+def trace(sight: Sight, j: int, others: FloatArray, slot: int, path: FloatArray) -> float:
+    """Return the sum over the horizon of tr P of target j, unweighted.
+
+    `others[slot]` (H, 3) is what the other robots contribute to the robot on `path` (H, 2).
+    """
+    p0, p1, p2 = sight.priors[j, 0], sight.priors[j, 1], sight.priors[j, 2]
+    total = 0.0
+    for k in range(path.shape[0]):
+        if k > 0:
+            p0 += sight.growth[k, j, 0, 0]
+            p1 += sight.growth[k, j, 0, 1]
+            p2 += sight.growth[k, j, 1, 1]
+        b0, b1, b2 = inverse(p0, p1, p2)
+        i0, i1, i2 = information(
+            path[k, 0] - sight.means[k, j, 0], path[k, 1] - sight.means[k, j, 1], sight.sensor
+        )
+        p0, p1, p2 = inverse(
+            b0 + others[slot, k, 0] + i0, b1 + others[slot, k, 1] + i1, b2 + others[slot, k, 2] + i2
+        )
+        total += p0 + p2
+    return total
+
+
+@kernel
+def team_trace(sight: Sight, j: int) -> float:
+    """Return the same for the information that all robots contribute now."""
+    p0, p1, p2 = sight.priors[j, 0], sight.priors[j, 1], sight.priors[j, 2]
+    total = 0.0
+    for k in range(sight.means.shape[0]):
+        if k > 0:
+            p0 += sight.growth[k, j, 0, 0]
+            p1 += sight.growth[k, j, 0, 1]
+            p2 += sight.growth[k, j, 1, 1]
+        b0, b1, b2 = inverse(p0, p1, p2)
+        for entry in range(sight.watch_start[j], sight.watch_start[j + 1]):
+            edge = sight.watch[entry]
+            b0 += sight.information[edge, k, 0]
+            b1 += sight.information[edge, k, 1]
+            b2 += sight.information[edge, k, 2]
+        p0, p1, p2 = inverse(b0, b1, b2)
+        total += p0 + p2
+    return total
+
+
+@kernel
+def add_derivatives(
+    sight: Sight,
+    j: int,
+    others: FloatArray,
+    slot: int,
+    path: FloatArray,
+    chain: FloatArray,
+    slope: FloatArray,
+    bend: FloatArray,
+) -> float:
+    """Add target j's derivatives by the path (H, 2); return its weighted cost."""
+    total = _forward(sight, j, others, slot, path, chain)
+    _backward(sight.weight, chain, path.shape[0], slope, bend)
+    return sight.weight * total
+
+
+@kernel
+def _forward(
+    sight: Sight, j: int, others: FloatArray, slot: int, path: FloatArray, chain: FloatArray
+) -> float:
+    """Fill the chain, return the sum of tr P.
+
+    Columns: 0 P-^-1, 3 P, 6 A = P P-^-1 (four), 10 and 13 derivative of I by x and by y,
+    16 and 19 P dI P likewise, 22, 25 and 28 second derivative of I by xx, xy and yy.
+    """
+    p0, p1, p2 = sight.priors[j, 0], sight.priors[j, 1], sight.priors[j, 2]
+    total = 0.0
+    for k in range(path.shape[0]):
+        if k > 0:
+            p0 += sight.growth[k, j, 0, 0]
+            p1 += sight.growth[k, j, 0, 1]
+            p2 += sight.growth[k, j, 1, 1]
+        b0, b1, b2 = inverse(p0, p1, p2)
+        x = path[k, 0] - sight.means[k, j, 0]
+        y = path[k, 1] - sight.means[k, j, 1]
+        i0, i1, i2 = _sensing(x, y, sight.sensor, chain, k)
+        p0, p1, p2 = inverse(
+            b0 + others[slot, k, 0] + i0, b1 + others[slot, k, 1] + i1, b2 + others[slot, k, 2] + i2
+        )
+        chain[k, 0], chain[k, 1], chain[k, 2] = b0, b1, b2
+        chain[k, 3], chain[k, 4], chain[k, 5] = p0, p1, p2
+        chain[k, 6] = p0 * b0 + p1 * b1
+        chain[k, 7] = p0 * b1 + p1 * b2
+        chain[k, 8] = p1 * b0 + p2 * b1
+        chain[k, 9] = p1 * b1 + p2 * b2
+        chain[k, 16], chain[k, 17], chain[k, 18] = sandwich(
+            p0, p1, p2, chain[k, 10], chain[k, 11], chain[k, 12]
+        )
+        chain[k, 19], chain[k, 20], chain[k, 21] = sandwich(
+            p0, p1, p2, chain[k, 13], chain[k, 14], chain[k, 15]
+        )
+        total += p0 + p2
+    return total
+
+
+@inlined
+def _sensing(x: float, y: float, sensor: FloatArray, chain: FloatArray, k: int) -> Symmetric:
+    """Store the derivatives of the information of one robot, return it."""
+    squared = x * x + y * y + sensor[4]
+    distance = sqrt(squared)
+    a = sensor[0] * exp(-sensor[1] * distance) / squared
+    b = sensor[2] * exp(-sensor[3] * distance) / (squared * squared)
+    # Logarithmic derivatives by s = |p|^2, then the first and second by s.
+    la = -0.5 * sensor[1] / distance - 1.0 / squared
+    lb = -0.5 * sensor[3] / distance - 2.0 / squared
+    cube = 0.25 / (distance * squared)
+    a1 = a * la
+    b1 = b * lb
+    a2 = a1 * la + a * (sensor[1] * cube + 1.0 / (squared * squared))
+    b2 = b1 * lb + b * (sensor[3] * cube + 2.0 / (squared * squared))
+    xx, xy, yy = x * x, x * y, y * y
+    ax, ay, bx, by = 2.0 * a1 * x, 2.0 * a1 * y, 2.0 * b1 * x, 2.0 * b1 * y
+    axx, axy, ayy = 4.0 * a2 * xx + 2.0 * a1, 4.0 * a2 * xy, 4.0 * a2 * yy + 2.0 * a1
+    bxx, bxy, byy = 4.0 * b2 * xx + 2.0 * b1, 4.0 * b2 * xy, 4.0 * b2 * yy + 2.0 * b1
+    chain[k, 10] = ax * xx + 2.0 * a * x + bx * yy
+    chain[k, 11] = (ax - bx) * xy + (a - b) * y
+    chain[k, 12] = ax * yy + bx * xx + 2.0 * b * x
+    chain[k, 13] = ay * xx + by * yy + 2.0 * b * y
+    chain[k, 14] = (ay - by) * xy + (a - b) * x
+    chain[k, 15] = ay * yy + 2.0 * a * y + by * xx
+    # By x twice.
+    chain[k, 22] = axx * xx + 4.0 * ax * x + 2.0 * a + bxx * yy
+    chain[k, 23] = (axx - bxx) * xy + 2.0 * (ax - bx) * y
+    chain[k, 24] = axx * yy + bxx * xx + 4.0 * bx * x + 2.0 * b
+    # By x and y.
+    chain[k, 25] = axy * xx + 2.0 * ay * x + bxy * yy + 2.0 * bx * y
+    chain[k, 26] = (axy - bxy) * xy + (ax - bx) * x + (ay - by) * y + a - b
+    chain[k, 27] = axy * yy + 2.0 * ax * y + bxy * xx + 2.0 * by * x
+    # By y twice.
+    chain[k, 28] = ayy * xx + byy * yy + 4.0 * by * y + 2.0 * b
+    chain[k, 29] = (ayy - byy) * xy + 2.0 * (ay - by) * x
+    chain[k, 30] = ayy * yy + 4.0 * ay * y + 2.0 * a + byy * xx
+    return a * xx + b * yy, (a - b) * xy, a * yy + b * xx
+
+
+@kernel
+def _backward(weight: float, chain: FloatArray, steps: int, slope: FloatArray, bend: FloatArray) -> None:
+    l0, l1, l2 = weight, 0.0, weight
+    w = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    for k in range(steps - 1, -1, -1):
+        c = chain[k]
+        g0, g1, g2 = sandwich(c[3], c[4], c[5], l0, l1, l2)
+        slope[k, 0] -= inner(g0, g1, g2, c[10], c[11], c[12])
+        slope[k, 1] -= inner(g0, g1, g2, c[13], c[14], c[15])
+        x0, x1, x2 = _answer(l0, l1, l2, w, c, 10)
+        y0, y1, y2 = _answer(l0, l1, l2, w, c, 13)
+        at = 2 * k
+        bend[at, at] += inner(x0, x1, x2, c[16], c[17], c[18]) - inner(
+            g0, g1, g2, c[22], c[23], c[24]
+        )
+        cross = inner(x0, x1, x2, c[19], c[20], c[21]) - inner(g0, g1, g2, c[25], c[26], c[27])
+        bend[at, at + 1] += cross
+        bend[at + 1, at] += cross
+        bend[at + 1, at + 1] += inner(y0, y1, y2, c[19], c[20], c[21]) - inner(
+            g0, g1, g2, c[28], c[29], c[30]
+        )
+        for m in range(k - 1, -1, -1):
+            a, b, d, e = chain[m + 1, 6], chain[m + 1, 7], chain[m + 1, 8], chain[m + 1, 9]
+            x0, x1, x2 = lifted(a, d, b, e, x0, x1, x2)
+            y0, y1, y2 = lifted(a, d, b, e, y0, y1, y2)
+            _add_cross(chain, m, at, 0, x0, x1, x2, bend)
+            _add_cross(chain, m, at, 1, y0, y1, y2, bend)
+        if k > 0:
+            l0, l1, l2 = lifted(c[6], c[8], c[7], c[9], l0, l1, l2)
+            w = _handed_on(w, c, l0, l1, l2)
+            l0 += weight
+            l2 += weight
+
+
+@inlined
+def _answer(
+    l0: float,
+    l1: float,
+    l2: float,
+    w: tuple[float, float, float, float, float, float],
+    c: FloatArray,
+    at: int,
+) -> Symmetric:
+    """Return how the gradient by P dI P changes with the direction stored at `at`."""
+    p0, p1, p2 = c[3], c[4], c[5]
+    d0, d1, d2 = c[at], c[at + 1], c[at + 2]
+    v0, v1, v2 = c[at + 6], c[at + 7], c[at + 8]
+    # T = dI P L, of which T + T' counts.
+    m00, m01 = d0 * p0 + d1 * p1, d0 * p1 + d1 * p2
+    m10, m11 = d1 * p0 + d2 * p1, d1 * p1 + d2 * p2
+    t00, t01 = m00 * l0 + m01 * l1, m00 * l1 + m01 * l2
+    t10, t11 = m10 * l0 + m11 * l1, m10 * l1 + m11 * l2
+    return (
+        2.0 * t00 + w[0] * v0 + w[1] * v1 + w[2] * v2,
+        t01 + t10 + 0.5 * (w[1] * v0 + w[3] * v1 + w[4] * v2),
+        2.0 * t11 + w[2] * v0 + w[4] * v1 + w[5] * v2,
+    )
+
+
+@inlined
+def _add_cross(
+    chain: FloatArray,
+    m: int,
+    at: int,
+    axis: int,
+    x0: float,
+    x1: float,
+    x2: float,
+    bend: FloatArray,
+) -> None:
+    by_x = inner(x0, x1, x2, chain[m, 16], chain[m, 17], chain[m, 18])
+    by_y = inner(x0, x1, x2, chain[m, 19], chain[m, 20], chain[m, 21])
+    bend[2 * m, at + axis] += by_x
+    bend[at + axis, 2 * m] += by_x
+    bend[2 * m + 1, at + axis] += by_y
+    bend[at + axis, 2 * m + 1] += by_y
+
+
+@inlined
+def _handed_on(
+    w: tuple[float, float, float, float, float, float],
+    c: FloatArray,
+    l0: float,
+    l1: float,
+    l2: float,
+) -> tuple[float, float, float, float, float, float]:
+    """Return the Hessian by the covariance one step earlier.
+
+    `w` (00, 01, 02, 11, 12, 22) is that by P(k); L is A' L A already. Added is the second
+    derivative of P by P-, which is -2 tr(L S C S) with C = P-^-1 - P-^-1 P P-^-1.
+    """
+    a, b, d, e = c[6], c[7], c[8], c[9]
+    f0, f1, f2 = a * a, 2.0 * a * b, b * b
+    g0, g1, g2 = a * d, a * e + b * d, b * e
+    h0, h1, h2 = d * d, 2.0 * d * e, e * e
+    m00 = w[0] * f0 + w[1] * g0 + w[2] * h0
+    m01 = w[0] * f1 + w[1] * g1 + w[2] * h1
+    m02 = w[0] * f2 + w[1] * g2 + w[2] * h2
+    m10 = w[1] * f0 + w[3] * g0 + w[4] * h0
+    m11 = w[1] * f1 + w[3] * g1 + w[4] * h1
+    m12 = w[1] * f2 + w[3] * g2 + w[4] * h2
+    m20 = w[2] * f0 + w[4] * g0 + w[5] * h0
+    m21 = w[2] * f1 + w[4] * g1 + w[5] * h1
+    m22 = w[2] * f2 + w[4] * g2 + w[5] * h2
+    s0, s1, s2 = sandwich(c[0], c[1], c[2], c[3], c[4], c[5])
+    c0, c1, c2 = c[0] - s0, c[1] - s1, c[2] - s2
+    return (
+        f0 * m00 + g0 * m10 + h0 * m20 - 2.0 * l0 * c0,
+        f0 * m01 + g0 * m11 + h0 * m21 - 2.0 * (l0 * c1 + l1 * c0),
+        f0 * m02 + g0 * m12 + h0 * m22 - 2.0 * l1 * c1,
+        f1 * m01 + g1 * m11 + h1 * m21 - 2.0 * (l0 * c2 + 2.0 * l1 * c1 + l2 * c0),
+        f1 * m02 + g1 * m12 + h1 * m22 - 2.0 * (l1 * c2 + l2 * c1),
+        f2 * m02 + g2 * m12 + h2 * m22 - 2.0 * l2 * c2,
+    )
