@@ -159,15 +159,12 @@ class Consultation:
             considered=tuple(receipt.comment.id for receipt in self.view.receipts),
         )
         if self.loop is Loop.TASK:
-            answer: TaskAnswer | ActionAnswer = read_task(text)
-            proposal = _task_proposal(empty, answer, snapshot)
+            task = read_task(text)
+            proposal, said = _task_proposal(empty, task, snapshot), task.comments
         else:
-            answer = read_action(text)
-            proposal = _action_proposal(empty, answer, self.view.snapshot)
-        proposal = replace(proposal, feedback=answer.feedback)
-        return replace(
-            proposal, comment_answers=self._comment_answers(answer.comments, proposal, snapshot)
-        )
+            action = read_action(text)
+            proposal, said = _action_proposal(empty, action, self.view.snapshot), action.comments
+        return replace(proposal, comment_answers=self._comment_answers(said, proposal, snapshot))
 
     def _comment_answers(
         self, said: Sequence[SaidOfComment], proposal: Proposal, snapshot: Snapshot
@@ -237,6 +234,7 @@ def _task_proposal(empty: Proposal, answer: TaskAnswer, snapshot: Snapshot) -> P
         empty,
         assignment=with_frozen_rows(answer.assignment, snapshot),
         capacities=answer.capacities or None,
+        feedback=answer.feedback,
     )
 
 
@@ -244,7 +242,11 @@ def _action_proposal(empty: Proposal, answer: ActionAnswer, asked: Snapshot) -> 
     ids = {label: zone_id for zone_id, label in zone_labels(asked).items()}
     severities = tuple((ids.get(label, label), value) for label, value in answer.severities)
     return replace(
-        empty, weights=answer.weights, severities=severities or None, replan=answer.replan
+        empty,
+        weights=answer.weights,
+        severities=severities or None,
+        replan=answer.replan,
+        feedback=answer.feedback,
     )
 
 
