@@ -11,6 +11,17 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
+_RANGE_ERRORS = frozenset(
+    {"greater_than", "greater_than_equal", "less_than", "less_than_equal", "enum", "literal_error"}
+)
+_WORDS = {
+    "finite_number": "must be a finite number",
+    "float_type": "must be a number",
+    "int_type": "must be a whole number",
+    "union_tag_invalid": "is of no known kind",
+    "union_tag_not_found": "needs a kind",
+}
+
 Location = tuple[int | str, ...]
 JsonSchema = Mapping[str, Any]
 
@@ -81,8 +92,9 @@ def _text(kind: str, message: str, value: object, node: "_Node") -> str:
         return f"unknown key{closest(node.name, node.siblings)}"
     if kind == "value_error":
         return message.removeprefix("Value error, ")
-    told = {"finite_number": "must be a finite number", "float_type": "must be a number"}
-    words = told.get(kind) or message.replace("Input should be", "must be").rstrip(".")
+    if kind in _RANGE_ERRORS and node.allowed:
+        return f"must be {node.allowed}, got {_shown(value)}"
+    words = _WORDS.get(kind) or message.replace("Input should be", "must be").rstrip(".")
     return f"{words}{_hint(node.allowed)}, got {_shown(value)}"
 
 
@@ -188,17 +200,24 @@ def _entry(node: JsonSchema, step: int | str) -> JsonSchema | None:
 
 def _allowed(node: JsonSchema) -> str:
     """Return a schema's own bounds in words, empty where it has none."""
+    if "discriminator" in node:
+        return _one_of(node["discriminator"]["mapping"])
     if "const" in node:
         return str(node["const"])
     if "enum" in node:
-        return ", ".join(map(str, node["enum"]))
+        return _one_of(node["enum"])
     if node.get("type") == "array":
         return _count_range(node.get("minItems"), node.get("maxItems"))
-    lower = [f"{node['minimum']:g} or more"] if "minimum" in node else []
+    lower = [f"at least {node['minimum']:g}"] if "minimum" in node else []
     lower += [f"above {node['exclusiveMinimum']:g}"] if "exclusiveMinimum" in node else []
-    upper = [f"{node['maximum']:g} or less"] if "maximum" in node else []
+    upper = [f"at most {node['maximum']:g}"] if "maximum" in node else []
     upper += [f"below {node['exclusiveMaximum']:g}"] if "exclusiveMaximum" in node else []
     return " and ".join(lower + upper)
+
+
+def _one_of(words: Iterable[object]) -> str:
+    *first, last = map(str, words)
+    return f"{', '.join(first)} or {last}" if first else last
 
 
 def _count_range(fewest: int | None, most: int | None) -> str:
