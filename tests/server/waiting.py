@@ -1,0 +1,15 @@
+"""Waiting for something that other tasks or processes bring about."""
+
+import asyncio
+from collections.abc import Callable
+
+STEP_S = 0.005
+
+
+async def eventually(condition: Callable[[], bool], within_s: float = 10.0) -> None:
+    """Return as soon as the condition holds. Raises AssertionError when it never does."""
+    for _ in range(round(within_s / STEP_S)):
+        if condition():
+            return
+        await asyncio.sleep(STEP_S)
+    raise AssertionError(f"did not happen within {within_s:g} s")
