@@ -12,7 +12,7 @@ LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
 SETTING = re.compile(r"\bFALCONER_[A-Z0-9_]+\b")
 ROUTE = re.compile(r"`(GET|POST|PUT|PATCH|DELETE|WS) (/[^`\s]*)`")
 ADDRESS = re.compile(r"(?<![\w.])(/api/v\d[\w/{}.-]*)")
-COMMAND = re.compile(r"^(?:\$ +)?(?:\.venv/bin/)?falconer\b *(.*)$")
+COMMAND = re.compile(r"^(?:\$ +)?(?:\.venv/bin/)?falconer(?: +(.*))?$")
 MAKE = re.compile(r"\bmake +([a-z][a-z-]*)\b")
 
 
@@ -75,7 +75,7 @@ def command_lines(text: str) -> list[list[str]]:
     ]
     lines += CODE.findall(_without_fences(text))
     found = (COMMAND.match(line) for line in lines)
-    return [shlex.split(match[1], comments=True) for match in found if match]
+    return [shlex.split(match[1] or "", comments=True) for match in found if match]
 
 
 def _without_fences(text: str) -> str:

@@ -9,8 +9,7 @@ from typing import Annotated, Any, Union, get_args, get_origin
 
 import pytest
 import yaml
-from pydantic import BaseModel
-from pydantic_core import to_jsonable_python
+from pydantic import BaseModel, TypeAdapter
 
 from server.scenarios.schema import Scenario
 from tests.house.documents import FENCE
@@ -46,7 +45,7 @@ def _fields(model: type[BaseModel], prefix: str = "") -> Iterator[tuple[str, str
 
 def _written(default: Any) -> str:
     """Return a default as the page writes it; none at all where null or nothing stands for it."""
-    plain = to_jsonable_python(default)
+    plain = TypeAdapter(Any).dump_python(default, mode="json")
     if plain in (None, ""):
         return ""
     return plain if isinstance(plain, str) else json.dumps(plain)
