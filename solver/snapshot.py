@@ -142,3 +142,5 @@ class Snapshot:
 
     guidance: Guidance
     guidance_age_s: float
+    closed: tuple[CommentReceipt, ...] = ()
+    """Comments that lately expired or were withdrawn, oldest first; for people only."""

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from solver.directives import CommentVerdict, Proposal, Source, Verdict
+from solver.directives import Proposal, Source
 from solver.observations import Comment
 from solver.snapshot import CommentReceipt
 
@@ -38,30 +38,28 @@ class CommentLedger:
             self._close(cid)
         return over
 
-    def answer(self, proposal: Proposal, verdict: Verdict) -> None:
-        """Note what a model's proposal, accepted or not, says about the comments."""
+    def answer(self, proposal: Proposal) -> None:
+        """Note what a model's accepted proposal says about the comments.
+
+        A refused proposal answers nothing: the comment stays in the prompt.
+        """
         for said in proposal.comment_answers:
             receipt = self._standing.get(said.comment_id)
             if receipt is None:
                 continue
-            outcome, reason = said.verdict, said.reason
-            if not verdict.accepted:
-                outcome, reason = CommentVerdict.DECLINED, "; ".join(verdict.violations)
             if proposal.source is Source.ACTION_LLM:
-                kept = receipt.action
-                if kept is not CommentVerdict.APPLIED:
-                    receipt = replace(receipt, action=outcome, action_reason=reason)
-            elif receipt.task is not CommentVerdict.APPLIED:
-                receipt = replace(receipt, task=outcome, task_reason=reason)
+                receipt = replace(receipt, action=said.verdict, action_reason=said.reason)
+            else:
+                receipt = replace(receipt, task=said.verdict, task_reason=said.reason)
             self._standing[said.comment_id] = receipt
 
     def standing(self) -> tuple[CommentReceipt, ...]:
         """Return the receipts of comments that still stand, oldest first."""
         return tuple(self._standing.values())
 
-    def receipts(self) -> tuple[CommentReceipt, ...]:
-        """Return the standing receipts and the lately closed ones, oldest first."""
-        return (*self._closed.values(), *self._standing.values())
+    def closed(self) -> tuple[CommentReceipt, ...]:
+        """Return the lately closed receipts, oldest first."""
+        return tuple(self._closed.values())
 
     def _close(self, comment_id: str) -> None:
         receipt = self._standing.pop(comment_id)

@@ -111,8 +111,8 @@ class MissionCore:
                 self._directives, proposal, self._time_s, self._comments.standing()
             )
             self._replan.update(proposal.replan)
+            self._comments.answer(proposal)
         self._guidance.note(proposal, verdict, self._time_s)
-        self._comments.answer(proposal, verdict)
         return verdict
 
     def begin(self, now_s: float) -> Problem:
@@ -292,9 +292,10 @@ class MissionCore:
             trace=estimation.trace(self._beliefs),
             solve=solve,
             attacks=tuple(self._attacks),
-            receipts=self._comments.receipts(),
+            receipts=self._comments.standing(),
             guidance=level,
             guidance_age_s=age_s,
+            closed=self._comments.closed(),
         )
 
     def _tracks(self) -> TrackTable:

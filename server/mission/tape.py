@@ -64,6 +64,13 @@ class Recorder(Protocol):
         ...
 
 
+class NoTape:
+    """Keeps nothing."""
+
+    def write(self, entry: Entry) -> None:
+        """Let the entry go."""
+
+
 class MemoryTape:
     """A tape in memory."""
 

@@ -215,11 +215,12 @@ def test_a_comment_that_changed_the_assignment_pins_it_until_it_expires() -> Non
     assert not verdict.accepted, "the comment still holds"
     tick(core, 5.0)
     assert core.snapshot.directives.pins == ()
-    assert core.snapshot.receipts[0].expired
+    assert core.snapshot.receipts == ()
+    assert core.snapshot.closed[0].expired
     assert core.propose(undo).accepted
 
 
-def test_a_refused_answer_declines_the_comment_with_the_violations() -> None:
+def test_a_refused_answer_leaves_the_comment_open() -> None:
     core = MissionCore(mission_setup())
     core.observe(Comment("c1", "both to one", time_s=0.0, ttl_s=5.0))
     tick(core, 0.0)
@@ -234,9 +235,7 @@ def test_a_refused_answer_declines_the_comment_with_the_violations() -> None:
         )
     )
     tick(core, 0.1)
-    receipt = core.snapshot.receipts[0]
-    assert receipt.task is CommentVerdict.DECLINED
-    assert "122" in receipt.task_reason
+    assert core.snapshot.receipts[0].status == "received"
 
 
 def test_facts_about_strangers_and_numbers_that_are_none_change_nothing() -> None:

@@ -1,0 +1,30 @@
+"""The commands and how their errors read: one sentence on stderr, exit code 2 for bad input."""
+
+import sys
+
+import typer
+
+from server.cli.errors import UsageError
+from server.cli.run import run
+from server.scenarios.errors import ScenarioError
+
+app = typer.Typer(
+    name="falconer",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    help="Fly a team of robots that tracks moving targets among unknown hazards, "
+    "with language models in the loop and people in charge.",
+)
+app.command()(run)
+
+
+def main() -> None:
+    """Run the command line; bad input ends in one sentence and exit code 2."""
+    try:
+        app()
+    except (UsageError, ScenarioError) as error:
+        print(f"falconer: {error}", file=sys.stderr)
+        sys.exit(2)
+    except KeyboardInterrupt:
+        sys.exit(130)

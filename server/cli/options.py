@@ -1,0 +1,68 @@
+"""Option values that need more than a type."""
+
+import math
+from enum import StrEnum
+from urllib.parse import urlsplit
+
+from server.cli.errors import UsageError
+from server.lockstep.advice import PAPER_LATENCY, Latency
+from server.lockstep.driver import ScriptedComment
+
+MAX_COMMENT_CHARS = 2000
+
+
+class EngineName(StrEnum):
+    """Optimizers to choose from."""
+
+    FAST = "fast"
+    SQP = "sqp"
+    IPOPT = "ipopt"
+
+
+def scripted_comments(values: list[str]) -> tuple[ScriptedComment, ...]:
+    """Return the comments of `--comment "T:TEXT"` options, ordered by time.
+
+    Raises UsageError naming the value that does not fit.
+    """
+    comments = []
+    for value in values:
+        head, colon, text = value.partition(":")
+        try:
+            time_s = float(head)
+        except ValueError:
+            time_s = math.nan
+        if not colon or not math.isfinite(time_s) or time_s < 0.0:
+            raise UsageError(
+                f"--comment {value[:60]!r}: expected T:TEXT with T in mission seconds, 0 or more"
+            )
+        text = text.strip()
+        if not 1 <= len(text) <= MAX_COMMENT_CHARS:
+            raise UsageError(
+                f"--comment at {head} s: the text has {len(text)} characters, "
+                f"allowed are 1 to {MAX_COMMENT_CHARS}"
+            )
+        comments.append(ScriptedComment(time_s, text))
+    return tuple(sorted(comments, key=lambda comment: comment.time_s))
+
+
+def latency_option(value: str) -> Latency:
+    """Return the latencies of `--llm-latency paper|measured|SECONDS`."""
+    if value == "paper":
+        return PAPER_LATENCY
+    if value == "measured":
+        return Latency(None, None)
+    try:
+        seconds = float(value)
+    except ValueError:
+        seconds = math.nan
+    if not 0.0 <= seconds <= 600.0:
+        raise UsageError(
+            f"--llm-latency {value!r}: expected paper, measured or seconds from 0 to 600"
+        )
+    return Latency(seconds, seconds)
+
+
+def is_url(value: str) -> bool:
+    """Return whether the value is an http(s) address with a host."""
+    parts = urlsplit(value)
+    return parts.scheme in {"http", "https"} and bool(parts.hostname)

@@ -1,0 +1,120 @@
+"""`falconer run`: one mission from a scenario, live with the console or in lockstep."""
+
+import asyncio
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+
+from server.cli.errors import UsageError
+from server.cli.options import EngineName, latency_option, scripted_comments
+from server.cli.progress import progress_bar
+from server.cli.tables import result_table
+from server.mission.setup import GateMode, MissionSetup
+
+ScenarioArgument = Annotated[
+    str,
+    typer.Argument(
+        metavar="SCENARIO",
+        help="A file, a name such as demo, or one of the paper authors' experiment files.",
+    ),
+]
+LlmOption = Annotated[
+    str,
+    typer.Option(
+        "--llm",
+        metavar="mock|none|URL",
+        help="Who advises: the built-in rule model, nobody, "
+        "or an OpenAI-compatible endpoint (model and key from FALCONER_LLM_MODEL, _API_KEY).",
+    ),
+]
+GateOption = Annotated[
+    GateMode | None,
+    typer.Option("--gate", help="What a verified proposal must still pass."),
+]
+
+
+def run(
+    scenario: ScenarioArgument,
+    llm: LlmOption = "mock",
+    gate: GateOption = None,
+    lockstep: Annotated[
+        bool, typer.Option("--lockstep", help="Virtual time, as fast as it goes, no console.")
+    ] = False,
+    seed: Annotated[
+        int | None, typer.Option(min=0, max=2**63 - 1, help="World's dice; default: the file's.")
+    ] = None,
+    steps: Annotated[
+        int | None, typer.Option(min=1, max=1_000_000, help="Steps to run; default: the file's.")
+    ] = None,
+    engine: Annotated[EngineName | None, typer.Option(help="Optimizer; default: the best.")] = None,
+    llm_latency: Annotated[
+        str,
+        typer.Option(
+            "--llm-latency",
+            metavar="paper|measured|SECONDS",
+            help="Virtual seconds an answer takes in lockstep.",
+        ),
+    ] = "paper",
+    comment: Annotated[
+        list[str] | None,
+        typer.Option(metavar="T:TEXT", help="Say TEXT at mission second T; may be repeated."),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Also write result.json there.")
+    ] = None,
+    port: Annotated[int, typer.Option(min=1, max=65535, help="Of the live console.")] = 8000,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
+) -> None:
+    """Fly SCENARIO: live with the console on http://127.0.0.1:PORT, or in --lockstep."""
+    from server.scenarios import library
+
+    chosen = library.load(scenario)
+    setup = _adjusted(chosen.mission_setup(), gate, seed, steps, engine)
+    comments = scripted_comments(comment or [])
+    latency = latency_option(llm_latency)
+    if not lockstep:
+        from server.cli.live import run_live
+
+        run_live(chosen, setup, llm=llm, comments=comments, port=port, as_json=as_json)
+        return
+    from server.lockstep.assembly import Assembly
+
+    assembly = Assembly(setup=setup, world=chosen.world_setup(), llm=llm, latency=latency)
+    with progress_bar(f"{setup.name} seed {setup.seed}", setup.steps) as progress:
+        result = asyncio.run(assembly.run(comments, progress))
+    _deliver(result, out, as_json=as_json)
+
+
+def _adjusted(
+    setup: MissionSetup,
+    gate: GateMode | None,
+    seed: int | None,
+    steps: int | None,
+    engine: EngineName | None,
+) -> MissionSetup:
+    """Return the setup with what the command line says otherwise."""
+    if gate not in (None, GateMode.OFF):
+        raise UsageError(f"--gate {gate.value}: this gate is not built yet; use --gate off")
+    setup = replace(setup, gate=GateMode.OFF)
+    if seed is not None:
+        setup = replace(setup, seed=seed)
+    if steps is not None:
+        setup = replace(setup, steps=steps)
+    if engine is not None:
+        setup = replace(setup, planner=replace(setup.planner, engine=engine.value))
+    return setup
+
+
+def _deliver(result: dict[str, Any], out: Path | None, *, as_json: bool) -> None:
+    text = json.dumps(result, indent=2, allow_nan=False)
+    if out is not None:
+        out.mkdir(parents=True, exist_ok=True)
+        (out / "result.json").write_text(text + "\n", encoding="utf-8")
+    if as_json:
+        typer.echo(text)
+    else:
+        Console().print(result_table(result))

@@ -1,0 +1,48 @@
+"""Results as tables for people."""
+
+from typing import Any
+
+from rich.table import Table
+
+_ROWS = (
+    ("accumulated_trace", "accumulated trace", "m²"),
+    ("accumulated_trace_authors", "… by the authors' accounting", "m²"),
+    ("position_error_m", "mean position error", "m"),
+    ("sensing_attacks", "sensing attacks", ""),
+    ("communication_attacks", "communication attacks", ""),
+    ("trajectory_length_m", "trajectory length", "m"),
+    ("min_separation_m", "smallest separation", "m"),
+    ("wall_s", "wall time", "s"),
+)
+
+
+def result_table(result: dict[str, Any]) -> Table:
+    """Return a run's result as a table."""
+    title = f"{result['scenario']}, seed {result['seed']}, {result['steps']} steps"
+    table = Table(title=title, show_header=False)
+    for key, label, unit in _ROWS:
+        if key in result:
+            table.add_row(label, _number(result[key]), unit)
+    optimizer = result["optimizer"]
+    table.add_row("optimizer median / p99", _pair(optimizer, "median_ms", "p99_ms"), "ms")
+    table.add_row("optimizer success", _percent(optimizer["success_rate"]), "")
+    for key, label in (("task_llm", "task model"), ("action_llm", "action model")):
+        loop = result[key]
+        if loop["calls"]:
+            said = f"{loop['calls']} calls, {loop['adopted']} adopted"
+            table.add_row(label, f"{said}, {_percent(loop['success_rate'])} valid", "")
+    return table
+
+
+def _number(value: float | int | None) -> str:
+    if value is None:
+        return "-"
+    return str(value) if isinstance(value, int) else f"{value:.3f}"
+
+
+def _pair(values: dict[str, float | None], first: str, second: str) -> str:
+    return f"{_number(values[first])} / {_number(values[second])}"
+
+
+def _percent(value: float | None) -> str:
+    return "-" if value is None else f"{100.0 * value:.1f} %"

@@ -1,0 +1,130 @@
+"""Steps a mission through virtual time: attack, report, plan, fly; models in between."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from server.lockstep.advice import VirtualAdvice
+from server.lockstep.robots import SimulatedTeam
+from server.mission.setup import MissionSetup
+from server.mission.tape import TapedCore
+from server.result import LoopTally, RunTally, WorldFigures, result_json
+from solver.observations import Comment
+from solver.planner import Planner
+from solver.problem import Budget
+from solver.snapshot import Snapshot, TrackStatus
+from solver.zones import ZoneKind
+from vehicles.world.state import Truth
+from vehicles.world.world import World
+
+LOCKSTEP_BUDGET = Budget(iterations=200)
+"""Of a solve: iterations, never wall time, so that a run can be repeated bit for bit."""
+
+_SEEN = frozenset({TrackStatus.TRACKED, TrackStatus.COASTING})
+
+
+@dataclass(frozen=True, slots=True)
+class ScriptedComment:
+    """A sentence to be said at a mission time, in seconds."""
+
+    time_s: float
+    text: str
+
+
+class Lockstep:
+    """One mission in virtual time. Same setup, seed and answers: same run, bit for bit."""
+
+    def __init__(
+        self,
+        setup: MissionSetup,
+        world: World,
+        core: TapedCore,
+        planner: Planner,
+        advice: VirtualAdvice | None,
+        comments: tuple[ScriptedComment, ...] = (),
+    ) -> None:
+        self._setup = setup
+        self._world = world
+        self._core = core
+        self._planner = planner
+        self._advice = advice
+        self._script = list(enumerate(sorted(comments, key=lambda c: c.time_s), start=1))
+        self._team = SimulatedTeam(setup, world, planner)
+        self._tally = RunTally()
+
+    @property
+    def snapshot(self) -> Snapshot:
+        """The newest snapshot."""
+        return self._core.snapshot
+
+    async def run(self, progress: Callable[[int], None]) -> dict[str, Any]:
+        """Run all steps and return the result; `progress` is told every finished step.
+
+        Wall time counts from here: imports and kernel loading are over.
+        """
+        started_s = time.perf_counter()
+        self._team.brief(self._core.core)
+        for step in range(self._setup.steps):
+            await self.step(step * self._setup.tick_s)
+            progress(step + 1)
+        wall_s = time.perf_counter() - started_s
+        task = self._advice.task if self._advice else LoopTally()
+        action = self._advice.action if self._advice else LoopTally()
+        return result_json(self._setup, self._tally, self._figures(), task, action, wall_s)
+
+    async def step(self, now_s: float) -> None:
+        """Run one step of the authors' order: attack, report, plan, fly, then ask."""
+        core, team = self._core, self._team
+        for heard in team.suffer(now_s):
+            core.observe(heard)
+        self._say(now_s)
+        if self._advice is not None:
+            await self._advice.deliver(now_s)
+        for heard in team.report(core.core.directives):
+            core.observe(heard)
+        truth = self._world.truth()
+        solution = self._planner.solve(core.begin(now_s), LOCKSTEP_BUDGET)
+        setpoints = core.commit(solution)
+        alone = team.fly_alone(now_s, LOCKSTEP_BUDGET)
+        self._count(truth)
+        team.brief(core.core)
+        team.move(setpoints, alone)
+        if self._advice is not None:
+            await self._advice.ask(now_s)
+
+    def _say(self, now_s: float) -> None:
+        """Hand over the scripted comments that are due."""
+        while self._script and self._script[0][1].time_s <= now_s + 1e-9:
+            number, comment = self._script.pop(0)
+            ttl_s = self._setup.loops.comment_ttl_s
+            self._core.observe(Comment(f"c{number}", comment.text, now_s, ttl_s))
+
+    def _count(self, truth: Truth) -> None:
+        """Count the tick: estimates beside the truth of the moment they are of."""
+        snapshot = self._core.snapshot
+        where = {target.id: target.position for target in truth.targets}
+        errors_m = [
+            float(np.hypot(*(position - np.asarray(where[target_id]))))
+            for target_id, position, status in zip(
+                snapshot.tracks.ids,
+                snapshot.tracks.positions,
+                snapshot.tracks.status,
+                strict=True,
+            )
+            if status in _SEEN
+        ]
+        connected = len(self._team.jammed) < len(self._setup.robots)
+        authors = (snapshot.trace if connected else 0.0) + self._team.private_trace()
+        self._tally.step(snapshot, errors_m, authors)
+
+    def _figures(self) -> WorldFigures:
+        paths = [self._world.path_length_m(robot_id) for robot_id in self._setup.robot_ids]
+        return WorldFigures(
+            sensing_attacks=self._world.hits(ZoneKind.SENSING),
+            communication_attacks=self._world.hits(ZoneKind.COMMUNICATION),
+            trajectory_length_m=sum(paths) / len(paths),
+            min_separation_m=self._world.min_separation_m,
+        )
