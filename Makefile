@@ -62,6 +62,8 @@ $(VENV)/.setup: requirements.lock pyproject.toml | $(VENV)/bin/python
 	@$(INSTALL) --requirement requirements.lock
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check \
 	    --no-deps --no-build-isolation --no-index --editable .
+	@echo "Compiling the optimizer's kernels ..."
+	@$(BIN)/python -c 'from solver.engines.fast.compiled import compiled; compiled()'
 	@touch $@
 
 $(VENV)/.setup-dev: requirements-dev.lock $(VENV)/.setup

@@ -29,6 +29,7 @@ from tests.house.inventory import (
     routes,
     settings,
 )
+from tests.house.sources import PACKAGES, python_files
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 PAGES = documents(ROOT)
@@ -103,6 +104,16 @@ def test_every_default_is_documented() -> None:
 @pytest.mark.parametrize("page", PAGES, ids=_name)
 def test_every_setting_spoken_of_exists(page: Path) -> None:
     assert set(SETTING.findall(_text(page))) - set(settings(Settings)) == set()
+
+
+def test_every_variable_that_the_code_speaks_of_is_a_setting() -> None:
+    spoken = {
+        name
+        for file in python_files(ROOT, PACKAGES)
+        for name in SETTING.findall(_text(file))
+        if not name.endswith("_")
+    }
+    assert spoken - set(settings(Settings)) == set()
 
 
 # --------------------------------------------------------------------------- routes
