@@ -28,11 +28,12 @@ NOT_BUILT = frozenset(
         "database_url",
         "recordings",
         "session_secret",
-        "zenoh_ca_certificate",
-        "zenoh_certificate",
+        "zenoh_config_file",
         "zenoh_password",
-        "zenoh_private_key",
-        "zenoh_username",
+        "zenoh_tls_certificate",
+        "zenoh_tls_key",
+        "zenoh_tls_root_ca",
+        "zenoh_user",
     }
 )
 """Names that are reserved: setting one is refused until its feature is there."""
@@ -74,13 +75,16 @@ class Settings(BaseSettings):
     zenoh_listen: str | None = Field(
         None, description="Endpoint to listen on for vehicles, such as tcp/127.0.0.1:7447."
     )
-    zenoh_username: str | None = Field(None, description="Name to log in to the bus with.")
+    zenoh_user: str | None = Field(None, description="Name to log in to the bus with.")
     zenoh_password: SecretStr | None = Field(None, description="Its password.")
-    zenoh_ca_certificate: Path | None = Field(
+    zenoh_tls_root_ca: Path | None = Field(
         None, description="PEM file of the authority that signs the bus's certificates."
     )
-    zenoh_certificate: Path | None = Field(None, description="PEM file of our own certificate.")
-    zenoh_private_key: Path | None = Field(None, description="PEM file of its private key.")
+    zenoh_tls_certificate: Path | None = Field(None, description="PEM file of our certificate.")
+    zenoh_tls_key: Path | None = Field(None, description="PEM file of its private key.")
+    zenoh_config_file: Path | None = Field(
+        None, description="Zenoh's own file, for everything else (access control)."
+    )
     database_url: str | None = Field(None, description="Where the journal is kept.")
     recordings: Path | None = Field(None, description="Folder that recordings are written to.")
     engine: Literal["fast", "sqp", "ipopt"] | None = Field(
