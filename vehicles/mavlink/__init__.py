@@ -1,0 +1,1 @@
+"""Flying ArduPilot and PX4 vehicles over MAVLink, and a simulated autopilot to fly against."""
