@@ -38,6 +38,9 @@ NOT_BUILT = frozenset(
 )
 """Names that are reserved: setting one is refused until its feature is there."""
 
+ENVIRONMENT_ONLY = frozenset({"cache_dir"})
+"""Read from the environment by whoever needs them, below this floor; as are all secrets."""
+
 Token = Annotated[SecretStr, Field(min_length=16)]
 Url = Annotated[str, Field(pattern=r"^https?://[^/\s]+")]
 
@@ -89,6 +92,9 @@ class Settings(BaseSettings):
     recordings: Path | None = Field(None, description="Folder that recordings are written to.")
     engine: Literal["fast", "sqp", "ipopt"] | None = Field(
         None, description="Optimizer engine, before the scenario's own."
+    )
+    cache_dir: Path | None = Field(
+        None, description="Folder of the compiled kernels. Read by the solver itself."
     )
 
     @classmethod
@@ -160,6 +166,8 @@ def _check_file(path: Path) -> None:
             raise SettingsError(f"{path}: {name}: there is no such setting{hint}")
         if _is_secret(name):
             raise SettingsError(f"{path}: {name} is a secret: set {variable(name)} instead")
+        if name in ENVIRONMENT_ONLY:
+            raise SettingsError(f"{path}: {name} has no effect here: set {variable(name)} instead")
 
 
 def _is_secret(name: str) -> bool:

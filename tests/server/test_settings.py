@@ -71,6 +71,7 @@ def test_what_is_not_built_is_refused(monkeypatch: pytest.MonkeyPatch, name: str
         ("prot = 1", "prot: there is no such setting, did you mean port?"),
         ('llm_api_key = "k"', "llm_api_key is a secret: set FALCONER_LLM_API_KEY instead"),
         ('operator_token = "0123456789abcdef"', "set FALCONER_OPERATOR_TOKEN instead"),
+        ('cache_dir = "/tmp"', "set FALCONER_CACHE_DIR instead"),
         ("port = ", "cannot be read"),
     ],
 )
