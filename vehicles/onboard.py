@@ -21,6 +21,12 @@ from solver.zones import Point, Zone, ZoneKind
 from vehicles.knowledge import Knowledge
 
 
+BACK_OFF_M_S = 0.2
+"""A robot alone keeps this much farther off communication zones every second it is cut off."""
+
+BACK_OFF_MOST_M = 3.0
+
+
 class ProblemSolver(Protocol):
     """Solves a problem whatever happens: `solver.planner.Planner`."""
 
@@ -48,6 +54,7 @@ class OnboardPilot:
         self._observed: list[Detections] = []
         self._plan: FloatArray | None = None
         self._planned_s = 0.0
+        self._lost_s = 0.0
 
     @property
     def alone(self) -> bool:
@@ -93,6 +100,7 @@ class OnboardPilot:
         self._beliefs = _handed_over(self._knowledge)
         self._filter_s = min(self._knowledge.time_s, now_s)
         self._planned_s = now_s
+        self._lost_s = now_s
 
     def observe(self, detections: Detections) -> None:
         """Take what the robot sees now; it counts at the next plan."""
@@ -165,6 +173,15 @@ class OnboardPilot:
                 )
         return TrackReport(self.robot_id, tuple(tracks), self.zones)
 
+    def _back_off_m(self) -> float:
+        """Return the margin to communication zones after this long without a link.
+
+        How far jamming reaches is not known on board, only that it still lasts: a robot that
+        stays at the rim of its constraint may stay cut off for ever, so it backs off until it
+        is heard again.
+        """
+        return min(BACK_OFF_M_S * (self._filter_s - self._lost_s), BACK_OFF_MOST_M)
+
     def _problem(
         self,
         knowledge: Knowledge,
@@ -197,7 +214,7 @@ class OnboardPilot:
             target_growth=frozen(growth),
             sensor=rules.sensor,
             sensing=_sensing_table(zones, severities),
-            communication=_communication_table(zones, severities),
+            communication=_communication_table(zones, severities, self._back_off_m()),
             weights=knowledge.weights,
             separation_weight=rules.separation_weight,
             min_dist_m=rules.min_dist_m,
@@ -248,11 +265,20 @@ def _sensing_table(zones: tuple[Zone, ...], severities: dict[str, float]) -> Zon
     return _table(chosen, [zone.margin for zone in chosen], quantiles, severity)
 
 
-def _communication_table(zones: tuple[Zone, ...], severities: dict[str, float]) -> ZoneTable:
-    """Communication zones as a robot alone fears them: its own risk, no term of the team."""
+def _communication_table(
+    zones: tuple[Zone, ...], severities: dict[str, float], back_off_m: float
+) -> ZoneTable:
+    """Communication zones as a robot alone fears them: its own risk, no term of the team.
+
+    The margin of a communication zone is a factor on the spread of a team, which one robot
+    has not; so backing off is told in deviations of the zone.
+    """
     chosen = [zone for zone in zones if zone.kind is ZoneKind.COMMUNICATION]
     severity = [severities.get(zone.id, 1.0) for zone in chosen]
-    quantiles = [zone.quantile_single(s) for zone, s in zip(chosen, severity, strict=True)]
+    quantiles = [
+        zone.quantile_single(s) + back_off_m / np.sqrt(0.5 * np.trace(zone.covariance))
+        for zone, s in zip(chosen, severity, strict=True)
+    ]
     return _table(chosen, [0.0] * len(chosen), quantiles, severity)
 
 
