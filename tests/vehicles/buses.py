@@ -1,0 +1,63 @@
+"""Pairs of buses that reach each other, and waiting without guessing how long."""
+
+import asyncio
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+
+from vehicles.bus import Bus
+from vehicles.inbox import Inbox, Sample
+from vehicles.keys import TeamKeys
+from vehicles.local_bus import LocalBus, LocalHub
+from vehicles.zenoh_bus import ZenohBus
+from vehicles.zenoh_settings import ZenohMode, ZenohSettings
+
+KEYS = TeamKeys("red")
+LOOPBACK = "tcp/127.0.0.1:0"
+
+
+@asynccontextmanager
+async def local_pair() -> AsyncIterator[tuple[Bus, Bus]]:
+    """Open two parties of one hub."""
+    hub = LocalHub()
+    async with LocalBus(hub) as one, LocalBus(hub) as two:
+        yield one, two
+
+
+@asynccontextmanager
+async def zenoh_pair() -> AsyncIterator[tuple[Bus, Bus]]:
+    """Open a router and a client over a loopback socket."""
+    router = ZenohSettings(mode=ZenohMode.ROUTER, listen=(LOOPBACK,))
+    async with ZenohBus(router, KEYS.delivery) as one:
+        client = ZenohSettings(connect=one.endpoints)
+        async with ZenohBus(client, KEYS.delivery) as two:
+            yield one, two
+
+
+class Reader:
+    """An inbox with everything that ever waited in it."""
+
+    def __init__(self) -> None:
+        self.inbox = Inbox(KEYS.delivery)
+        self.samples: list[Sample] = []
+
+    def take(self) -> list[Sample]:
+        """Return everything so far."""
+        self.samples.extend(self.inbox.drain())
+        return self.samples
+
+
+async def until(condition: Callable[[], object], limit_s: float = 10.0) -> None:
+    """Wait for a condition; fail after a limit."""
+    async with asyncio.timeout(limit_s):
+        while not condition():
+            await asyncio.sleep(0.005)
+
+
+async def reaches(sender: Bus, reader: Reader, key: str) -> None:
+    """Wait until what is published on a key arrives (a subscription takes time to spread)."""
+
+    def sent_and_seen() -> bool:
+        sender.publish(key, b"probe")
+        return any(sample.key == key for sample in reader.take())
+
+    await until(sent_and_seen)

@@ -1,0 +1,252 @@
+"""The bus over Eclipse Zenoh.
+
+Zenoh calls back on threads of its own and its calls may block, so: callbacks only put into an
+inbox; opening, closing and declaring happen in worker threads; *latest* messages are put from
+the event loop with the congestion control that drops, which never blocks (a few microseconds);
+events, which must not be dropped, are put by one writer thread that may wait.
+"""
+
+import asyncio
+import contextlib
+import json
+import logging
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from threading import Lock
+from time import monotonic
+from types import TracebackType
+from typing import Any, Self, TypeVar
+
+import zenoh
+
+from vehicles.bus import BusError
+from vehicles.inbox import Inbox, Sample, SampleKind
+from vehicles.keys import Delivery
+from vehicles.zenoh_settings import ZenohSettings, configuration
+
+logger = logging.getLogger(__name__)
+
+ATTEMPT_MS = 1000
+"""One attempt to connect; the whole may take `open_timeout_s`."""
+
+MAX_WAITING = 10_000
+"""Events that wait for the writer thread; more are dropped and counted."""
+
+ResultT = TypeVar("ResultT")
+
+
+class ZenohSubscription:
+    """Something declared on a Zenoh session."""
+
+    def __init__(self, undeclare: Callable[[], object]) -> None:
+        self._undeclare: Callable[[], object] | None = undeclare
+
+    async def close(self) -> None:
+        """End it. Harmless when it, or its session, has ended already."""
+        undeclare, self._undeclare = self._undeclare, None
+        if undeclare is not None:
+            with contextlib.suppress(zenoh.ZError):
+                await asyncio.to_thread(undeclare)
+
+
+class ZenohBus:
+    """One Zenoh session as a bus: `async with`, which closes it whatever happens.
+
+    Args:
+        settings: Where and how to connect.
+        delivery: Says how messages on a key are carried.
+    """
+
+    def __init__(self, settings: ZenohSettings, delivery: Callable[[str], Delivery]) -> None:
+        self.settings = settings
+        self._delivery = delivery
+        self._session: zenoh.Session | None = None
+        self._writer: ThreadPoolExecutor | None = None
+        self._lock = Lock()
+        self._waiting = 0
+        self._dropped = 0
+        self._endpoints: tuple[str, ...] = ()
+
+    @property
+    def endpoints(self) -> tuple[str, ...]:
+        """Where this session listens, the system's choice of port filled in."""
+        return self._endpoints
+
+    @property
+    def dropped(self) -> int:
+        """Events that were dropped since the start because the writer was too far behind."""
+        return self._dropped
+
+    async def __aenter__(self) -> Self:
+        """Open the session.
+
+        Raises:
+            BusError: Nothing could be reached, or listened on, in time.
+        """
+        self._session = await self._opened()
+        self._writer = ThreadPoolExecutor(max_workers=1, thread_name_prefix="zenoh-writer")
+        try:
+            self._endpoints = await asyncio.to_thread(_listening, self._session, self.settings)
+        except BaseException:
+            await self._close()
+            raise
+        return self
+
+    async def __aexit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        await self._close()
+
+    def publish(self, key: str, payload: bytes) -> None:
+        """Send a payload; the key says how."""
+        session, writer = self._session, self._writer
+        if session is None or writer is None:
+            raise BusError("the Zenoh session is not open: use it inside `async with`")
+        if self._delivery(key) is Delivery.LATEST:
+            session.put(key, payload, congestion_control=zenoh.CongestionControl.DROP)
+            return
+        with self._lock:
+            if self._waiting >= MAX_WAITING:
+                self._dropped += 1
+                return
+            self._waiting += 1
+        writer.submit(self._write, session, key, payload)
+
+    async def subscribe(self, key_expr: str, inbox: Inbox) -> ZenohSubscription:
+        """Let whatever is published under matching keys wait in an inbox."""
+        session = self._opened_session()
+        inbox.attach()
+        subscriber = await asyncio.to_thread(session.declare_subscriber, key_expr, _receiver(inbox))
+        return ZenohSubscription(subscriber.undeclare)
+
+    async def announce(self, key: str) -> ZenohSubscription:
+        """Hold a liveliness token."""
+        session = self._opened_session()
+        token = await asyncio.to_thread(session.liveliness().declare_token, key)
+        return ZenohSubscription(token.undeclare)
+
+    async def watch(self, key_expr: str, inbox: Inbox) -> ZenohSubscription:
+        """Let tokens wait in an inbox as they appear and disappear."""
+        session = self._opened_session()
+        inbox.attach()
+        receive = _receiver(inbox)
+
+        def declare() -> Any:
+            return session.liveliness().declare_subscriber(key_expr, receive, history=True)
+
+        subscriber = await asyncio.to_thread(declare)
+        return ZenohSubscription(subscriber.undeclare)
+
+    async def present(self, key_expr: str) -> tuple[str, ...]:
+        """Return the keys of the tokens that are held now."""
+        session = self._opened_session()
+
+        def ask() -> tuple[str, ...]:
+            replies = session.liveliness().get(key_expr, timeout=2.0)
+            return tuple(
+                dict.fromkeys(str(reply.ok.key_expr) for reply in replies if reply.ok is not None)
+            )
+
+        return await asyncio.to_thread(ask)
+
+    # ------------------------------------------------------------------ inside
+
+    def _opened_session(self) -> zenoh.Session:
+        if self._session is None:
+            raise BusError("the Zenoh session is not open: use it inside `async with`")
+        return self._session
+
+    def _write(self, session: zenoh.Session, key: str, payload: bytes) -> None:
+        try:
+            session.put(key, payload, congestion_control=zenoh.CongestionControl.BLOCK)
+        except zenoh.ZError as error:
+            logger.warning("an event on %s was not sent: %s", key, error)
+        finally:
+            with self._lock:
+                self._waiting -= 1
+
+    async def _opened(self) -> zenoh.Session:
+        """Try to open the session until it works or the time is over."""
+        limit_s = self.settings.open_timeout_s
+        deadline = None if limit_s is None else monotonic() + limit_s
+        while True:
+            try:
+                return await _uninterrupted(self._open_once, _end)
+            except zenoh.ZError as error:
+                if not self.settings.connect or (deadline and monotonic() >= deadline):
+                    raise BusError(_cure(self.settings, error)) from error
+            await asyncio.sleep(0.2)
+
+    def _open_once(self) -> zenoh.Session:
+        return zenoh.open(configuration(self.settings, ATTEMPT_MS))
+
+    async def _close(self) -> None:
+        session, self._session = self._session, None
+        writer, self._writer = self._writer, None
+
+        def close() -> None:
+            if writer is not None:
+                writer.shutdown(wait=True)
+            if session is not None:
+                _end(session)
+
+        # An unclosed session lets the process hang at its end: close even when cancelled.
+        await _uninterrupted(close, lambda _: None)
+
+
+async def _uninterrupted(
+    work: Callable[[], ResultT], discard: Callable[[ResultT], object]
+) -> ResultT:
+    """Return what a blocking call returns; when cancelled, let it end and discard its result."""
+    task = asyncio.ensure_future(asyncio.to_thread(work))
+    try:
+        return await asyncio.shield(task)
+    except asyncio.CancelledError:
+        with contextlib.suppress(zenoh.ZError):
+            await asyncio.to_thread(discard, await task)
+        raise
+
+
+def _end(session: zenoh.Session) -> None:
+    close: Callable[[], object] = session.close
+    close()
+
+
+def _receiver(inbox: Inbox) -> Callable[[zenoh.Sample], None]:
+    """Return the callback that only puts a sample into an inbox."""
+
+    def receive(sample: zenoh.Sample) -> None:
+        gone = sample.kind == zenoh.SampleKind.DELETE
+        inbox.offer(
+            Sample(
+                key=str(sample.key_expr),
+                payload=sample.payload.to_bytes(),
+                kind=SampleKind.DELETE if gone else SampleKind.PUT,
+            )
+        )
+
+    return receive
+
+
+def _listening(session: zenoh.Session, settings: ZenohSettings) -> tuple[str, ...]:
+    """Return where a session listens."""
+    if not settings.has_free_port:
+        return settings.listen
+    for reply in session.get(f"@/{session.zid()}/{settings.mode.value}"):
+        if reply.ok is not None:
+            return tuple(json.loads(reply.ok.payload.to_string())["locators"])
+    raise BusError("Zenoh does not say which port it listens on")
+
+
+def _cure(settings: ZenohSettings, error: zenoh.ZError) -> str:
+    where = ", ".join(settings.connect or settings.listen)
+    if not settings.connect:
+        return f"cannot listen on {where}: {error}. Is the port taken?"
+    words = f"nothing answers at {where}: {error}. Is the mission running there?"
+    if settings.user is not None:
+        # Zenoh does not tell a refused password from a party that does not answer.
+        words += " A wrong user or password looks the same."
+    return words
