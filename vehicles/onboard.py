@@ -20,7 +20,6 @@ from solver.problem import Budget, Problem, Solution, ZoneTable
 from solver.zones import Point, Zone, ZoneKind
 from vehicles.knowledge import Knowledge
 
-
 BACK_OFF_M_S = 0.2
 """A robot alone keeps this much farther off communication zones every second it is cut off."""
 

@@ -12,7 +12,7 @@ from solver.observations import Detections, OnboardTrack, Sighting
 from solver.problem import Budget
 from solver.zones import Zone, ZoneKind
 from tests.vehicles.pilots import JAMMING, RULES, SENSING, Recorder, knowledge, track, with_rules
-from vehicles.onboard import OnboardPilot
+from vehicles.onboard import BACK_OFF_M_S, BACK_OFF_MOST_M, OnboardPilot
 
 BUDGET = Budget()
 HERE, STILL = (0.0, 0.0), (0.0, 0.0)
@@ -65,7 +65,7 @@ def test_alone_it_solves_the_problem_of_one_robot() -> None:
 
 def test_zones_are_feared_as_one_robot_fears_them() -> None:
     pilot, planner = cut_off()
-    pilot.plan(10.5, HERE, STILL, BUDGET)
+    pilot.plan(10.0, HERE, STILL, BUDGET)
     (problem,) = planner.problems
     assert problem.sensing.centres.tolist() == [[4.0, 0.0]]
     assert problem.sensing.margins.tolist() == [0.1]
@@ -75,6 +75,18 @@ def test_zones_are_feared_as_one_robot_fears_them() -> None:
     assert problem.communication.quantiles == pytest.approx([norm.isf(0.3) * np.sqrt(2.0)])
     assert problem.communication.severities.tolist() == [2.0]
     assert problem.sensing.known.tolist() == [[True]]
+
+
+def test_the_longer_it_is_cut_off_the_farther_it_backs_off() -> None:
+    pilot, planner = cut_off()
+    for now_s in (10.0, 15.0, 1000.0, 2000.0):
+        pilot.plan(now_s, HERE, STILL, BUDGET)
+    deviation_m = np.sqrt(0.6)
+    told = [float(problem.communication.quantiles[0]) * deviation_m for problem in planner.problems]
+    assert told[1] - told[0] == pytest.approx(5.0 * BACK_OFF_M_S)
+    assert told[2] - told[0] == pytest.approx(BACK_OFF_MOST_M)
+    assert told[3] == told[2]
+    assert [problem.sensing.margins.tolist() for problem in planner.problems] == [[0.1]] * 4
 
 
 def test_a_zone_suffered_alone_counts_at_once_and_is_brought_back() -> None:
