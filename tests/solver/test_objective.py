@@ -89,14 +89,14 @@ def plain_cost(problem: Problem, controls: FloatArray, e: float, tau: float) -> 
         x = X[i, k]
         spread = plain_spread(x, [X[m, k] for m in range(M) if m != i], e, tau)
         for z in np.flatnonzero(problem.sensing.known[i]):
-            total += w.sensing * plain_hinge(problem.sensing, z, x, 1.0, e)
+            total += w.sensing * plain_hinge(problem.sensing, int(z), x, 1.0, e)
         for z in np.flatnonzero(problem.communication.known[i]):
-            total += w.communication * plain_hinge(problem.communication, z, x, spread, e)
+            total += w.communication * plain_hinge(problem.communication, int(z), x, spread, e)
         for other in [*X[:i, k], *problem.obstacles]:
             short = max(0.0, problem.min_dist_m - distance(x, other, e))
             total += problem.separation_weight * short**2
         if k:
-            total += plain_leaving(problem, x, V[i, k], problem.speed_limit[i])
+            total += plain_leaving(problem, x, V[i, k], float(problem.speed_limit[i]))
     return float(total)
 
 
