@@ -14,9 +14,7 @@ from packaging.utils import canonicalize_name
 
 from tests.house.sources import CHECKS, PACKAGES, imported_names, python_files
 
-USED_WITHOUT_IMPORT = {
-    "websockets": "uvicorn's WebSocket implementation",
-}
+USED_WITHOUT_IMPORT: dict[str, str] = {}
 """Runtime dependencies that no module of ours names, and who uses them."""
 
 TOOLS = {
