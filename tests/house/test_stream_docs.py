@@ -99,6 +99,7 @@ def _message() -> dict[str, Any]:
         snapshot,
         state=MissionState.RUNNING,
         loops={"optimizer": REPORT, "task_llm": REPORT, "action_llm": REPORT},
+        field=((-10.0, -5.0), (10.0, 5.0)),
         weight_bounds=(WEIGHTS, WEIGHTS),
         attacks={ZoneKind.SENSING: 1},
         receipts=snapshot.receipts,
