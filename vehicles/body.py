@@ -29,6 +29,9 @@ class BodyEventKind(StrEnum):
     FAILSAFE = "failsafe"
     """Its autopilot has changed its mode to save it; we let go."""
 
+    WARNING = "warning"
+    """Its autopilot speaks of a failsafe, and has not changed its mode."""
+
     BATTERY = "battery"
     GEOFENCE = "geofence"
     POSITION_LOST = "position_lost"
