@@ -2,7 +2,7 @@
 
 from typing import Protocol
 
-from vehicles.inbox import Inbox
+from vehicles.inbox import Receiver
 
 
 class BusError(Exception):
@@ -31,7 +31,7 @@ class Bus(Protocol):
         """
         ...
 
-    async def subscribe(self, key_expr: str, inbox: Inbox) -> Subscription:
+    async def subscribe(self, key_expr: str, inbox: Receiver) -> Subscription:
         """Let whatever is published under matching keys wait in an inbox.
 
         Raises:
@@ -47,7 +47,7 @@ class Bus(Protocol):
         """
         ...
 
-    async def watch(self, key_expr: str, inbox: Inbox) -> Subscription:
+    async def watch(self, key_expr: str, inbox: Receiver) -> Subscription:
         """Let tokens wait in an inbox as they appear (put) and disappear (delete).
 
         Those that are there already appear at once.

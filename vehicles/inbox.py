@@ -11,6 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
 from threading import Lock
+from typing import Protocol
 
 from vehicles.keys import Delivery
 from vehicles.messages import MAX_PAYLOAD
@@ -33,6 +34,18 @@ class Sample:
     key: str
     payload: bytes
     kind: SampleKind = SampleKind.PUT
+
+
+class Receiver(Protocol):
+    """Takes samples from any thread; what a bus delivers to."""
+
+    def attach(self) -> None:
+        """Tie it to the running event loop. Called by the bus when it subscribes."""
+        ...
+
+    def offer(self, sample: Sample) -> None:
+        """Take a sample. Safe from any thread; never blocks for long, never raises."""
+        ...
 
 
 class Inbox:

@@ -5,7 +5,7 @@ from types import TracebackType
 from typing import Self
 
 from vehicles.bus import BusError
-from vehicles.inbox import Inbox, Sample, SampleKind
+from vehicles.inbox import Receiver, Sample, SampleKind
 
 
 def matches(key_expr: str, key: str) -> bool:
@@ -20,8 +20,8 @@ class LocalHub:
     """What the local buses of one process share: who listens, who is alive."""
 
     def __init__(self) -> None:
-        self._listeners: dict[int, tuple[str, Inbox]] = {}
-        self._watchers: dict[int, tuple[str, Inbox]] = {}
+        self._listeners: dict[int, tuple[str, Receiver]] = {}
+        self._watchers: dict[int, tuple[str, Receiver]] = {}
         self._tokens: dict[int, str] = {}
         self._next = 0
 
@@ -31,13 +31,13 @@ class LocalHub:
             if matches(key_expr, key):
                 inbox.offer(Sample(key, payload))
 
-    def listen(self, key_expr: str, inbox: Inbox) -> int:
+    def listen(self, key_expr: str, inbox: Receiver) -> int:
         """Add a listener; return its number."""
         number = self._number()
         self._listeners[number] = (key_expr, inbox)
         return number
 
-    def watch(self, key_expr: str, inbox: Inbox) -> int:
+    def watch(self, key_expr: str, inbox: Receiver) -> int:
         """Add a watcher of tokens and tell it of those there are; return its number."""
         number = self._number()
         self._watchers[number] = (key_expr, inbox)
@@ -118,7 +118,7 @@ class LocalBus:
         self._open()
         self._hub.publish(key, payload)
 
-    async def subscribe(self, key_expr: str, inbox: Inbox) -> LocalSubscription:
+    async def subscribe(self, key_expr: str, inbox: Receiver) -> LocalSubscription:
         """Let whatever is published under matching keys wait in an inbox."""
         declared = self._open()
         inbox.attach()
@@ -129,7 +129,7 @@ class LocalBus:
         declared = self._open()
         return self._hold(declared, self._hub.announce(key))
 
-    async def watch(self, key_expr: str, inbox: Inbox) -> LocalSubscription:
+    async def watch(self, key_expr: str, inbox: Receiver) -> LocalSubscription:
         """Let tokens wait in an inbox as they appear and disappear."""
         declared = self._open()
         inbox.attach()

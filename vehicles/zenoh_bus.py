@@ -15,12 +15,12 @@ from concurrent.futures import ThreadPoolExecutor
 from threading import Lock
 from time import monotonic
 from types import TracebackType
-from typing import Any, Self, TypeVar
+from typing import Any, Protocol, Self, TypeVar
 
 import zenoh
 
 from vehicles.bus import BusError
-from vehicles.inbox import Inbox, Sample, SampleKind
+from vehicles.inbox import Receiver, Sample, SampleKind
 from vehicles.keys import Delivery
 from vehicles.zenoh_settings import ZenohSettings, configuration
 
@@ -35,18 +35,29 @@ MAX_WAITING = 10_000
 ResultT = TypeVar("ResultT")
 
 
+class Declared(Protocol):
+    """What Zenoh hands out for a declaration; it ends when nobody holds it any more."""
+
+    def undeclare(self) -> object:
+        """End it."""
+        ...
+
+
 class ZenohSubscription:
     """Something declared on a Zenoh session."""
 
-    def __init__(self, undeclare: Callable[[], object]) -> None:
-        self._undeclare: Callable[[], object] | None = undeclare
+    def __init__(self, declared: Declared, held: set[Declared]) -> None:
+        self._declared: Declared | None = declared
+        self._held = held
+        held.add(declared)
 
     async def close(self) -> None:
         """End it. Harmless when it, or its session, has ended already."""
-        undeclare, self._undeclare = self._undeclare, None
-        if undeclare is not None:
+        declared, self._declared = self._declared, None
+        if declared is not None and declared in self._held:
+            self._held.discard(declared)
             with contextlib.suppress(zenoh.ZError):
-                await asyncio.to_thread(undeclare)
+                await asyncio.to_thread(declared.undeclare)
 
 
 class ZenohBus:
@@ -66,6 +77,7 @@ class ZenohBus:
         self._waiting = 0
         self._dropped = 0
         self._endpoints: tuple[str, ...] = ()
+        self._held: set[Declared] = set()
 
     @property
     def endpoints(self) -> tuple[str, ...]:
@@ -115,20 +127,20 @@ class ZenohBus:
             self._waiting += 1
         writer.submit(self._write, session, key, payload)
 
-    async def subscribe(self, key_expr: str, inbox: Inbox) -> ZenohSubscription:
+    async def subscribe(self, key_expr: str, inbox: Receiver) -> ZenohSubscription:
         """Let whatever is published under matching keys wait in an inbox."""
         session = self._opened_session()
         inbox.attach()
         subscriber = await asyncio.to_thread(session.declare_subscriber, key_expr, _receiver(inbox))
-        return ZenohSubscription(subscriber.undeclare)
+        return ZenohSubscription(subscriber, self._held)
 
     async def announce(self, key: str) -> ZenohSubscription:
         """Hold a liveliness token."""
         session = self._opened_session()
         token = await asyncio.to_thread(session.liveliness().declare_token, key)
-        return ZenohSubscription(token.undeclare)
+        return ZenohSubscription(token, self._held)
 
-    async def watch(self, key_expr: str, inbox: Inbox) -> ZenohSubscription:
+    async def watch(self, key_expr: str, inbox: Receiver) -> ZenohSubscription:
         """Let tokens wait in an inbox as they appear and disappear."""
         session = self._opened_session()
         inbox.attach()
@@ -138,7 +150,7 @@ class ZenohBus:
             return session.liveliness().declare_subscriber(key_expr, receive, history=True)
 
         subscriber = await asyncio.to_thread(declare)
-        return ZenohSubscription(subscriber.undeclare)
+        return ZenohSubscription(subscriber, self._held)
 
     async def present(self, key_expr: str) -> tuple[str, ...]:
         """Return the keys of the tokens that are held now."""
@@ -186,6 +198,7 @@ class ZenohBus:
     async def _close(self) -> None:
         session, self._session = self._session, None
         writer, self._writer = self._writer, None
+        self._held.clear()
 
         def close() -> None:
             if writer is not None:
@@ -215,7 +228,7 @@ def _end(session: zenoh.Session) -> None:
     close()
 
 
-def _receiver(inbox: Inbox) -> Callable[[zenoh.Sample], None]:
+def _receiver(inbox: Receiver) -> Callable[[zenoh.Sample], None]:
     """Return the callback that only puts a sample into an inbox."""
 
     def receive(sample: zenoh.Sample) -> None:

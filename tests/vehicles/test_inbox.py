@@ -76,8 +76,8 @@ async def wakes_of(threads: int, offers: int) -> tuple[int, int]:
     workers = [Thread(target=offer) for _ in range(threads)]
     for worker in workers:
         worker.start()
-    while any(worker.is_alive() for worker in workers):
-        await asyncio.sleep(0.001)
+    for worker in workers:
+        await asyncio.to_thread(worker.join)
     await asyncio.sleep(0)
     first = wakes
     waiting = len(inbox.drain())
