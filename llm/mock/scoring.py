@@ -7,7 +7,7 @@ between two lines of sight all count.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from llm.mock.reading import Point, Reading, SeenRobot, SeenZone
@@ -27,6 +27,10 @@ DETOUR_COST = 0.1
 
 TRAVEL_COST = 0.02
 """Per metre between a robot and the middle of its targets."""
+
+
+Part = tuple[int, int, int, int, float]
+"""A summand of a cost, field by field."""
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -66,24 +70,20 @@ class Scorer:
 
     def cost(self, plan: Plan) -> Cost:
         """Return the cost of a plan; less is better."""
-        overload = uncovered = unsighted = doubled = 0
-        total = 0.0
-        watchers: dict[int, list[int]] = {target.id: [] for target in self.reading.targets}
-        for robot_id, row in plan.items():
-            robot = self._robots[robot_id]
-            if robot.free:
-                overload += max(0, len(row) - robot.capacity)
-            for target_id in row:
-                if target_id in watchers:
-                    watchers[target_id].append(robot_id)
-            total += self._travel(robot_id, row)
-        for target_id, robot_ids in watchers.items():
-            seeing = [r for r in robot_ids if not self._robots[r].blind]
-            uncovered += not robot_ids
-            unsighted += not seeing
-            doubled += max(0, len(robot_ids) - 1) * self.one_each
-            total += self._trace(target_id, seeing, plan)
-        return Cost(overload, uncovered, unsighted, doubled, total)
+        return Board(self, plan).cost
+
+    def robot_part(self, robot_id: int, row: frozenset[int]) -> Part:
+        """Return what a robot's row adds to the cost, its targets' traces apart."""
+        robot = self._robots[robot_id]
+        overload = max(0, len(row) - robot.capacity) if robot.free else 0
+        return (overload, 0, 0, 0, self._travel(robot_id, row))
+
+    def target_part(self, target_id: int, watchers: frozenset[int], plan: Plan) -> Part:
+        """Return what a target adds to the cost, given the robots that track it."""
+        seeing = sorted(r for r in watchers if not self._robots[r].blind)
+        doubled = max(0, len(watchers) - 1) * self.one_each
+        trace = self._trace(target_id, seeing, plan)
+        return (0, int(not watchers), int(not seeing), doubled, trace)
 
     def _travel(self, robot_id: int, row: frozenset[int]) -> float:
         middle = self._middle(row)
@@ -102,8 +102,10 @@ class Scorer:
             for robot_id in robot_ids:
                 stand = self._stand(robot_id, plan[robot_id])
                 dx, dy = place[0] - stand[0], place[1] - stand[1]
-                away = max(NEAREST_M, math.hypot(dx, dy))
-                dx, dy = dx / away, dy / away
+                away = math.hypot(dx, dy)
+                # On top of the target the line of sight is any; information is finite.
+                dx, dy = (dx / away, dy / away) if away > 1e-6 else (1.0, 0.0)
+                away = max(NEAREST_M, away)
                 along = PEAK * math.exp(-SHAPE * away)
                 across = along / away**2
                 xx += along * dx * dx + across * dy * dy
@@ -147,6 +149,88 @@ class Scorer:
                 for zone in self.reading.zones
             )
         return self._crossings[key]
+
+
+def _total(parts: Iterable[Part]) -> Cost:
+    overload = uncovered = unsighted = doubled = 0
+    trace = 0.0
+    for part in parts:
+        overload += part[0]
+        uncovered += part[1]
+        unsighted += part[2]
+        doubled += part[3]
+        trace += part[4]
+    return Cost(overload, uncovered, unsighted, doubled, trace)
+
+
+@dataclass(eq=False)
+class Board:
+    """A plan with its cost kept piece by piece, so that a small change is cheap to price."""
+
+    scorer: Scorer
+    plan: dict[int, frozenset[int]]
+    _watchers: dict[int, frozenset[int]] = field(init=False)
+    _robots: dict[int, Part] = field(init=False)
+    _targets: dict[int, Part] = field(init=False)
+
+    def __init__(self, scorer: Scorer, plan: Plan) -> None:
+        self.scorer = scorer
+        self.plan = dict(plan)
+        known = [target.id for target in scorer.reading.targets]
+        self._watchers = {
+            t: frozenset(r for r, row in self.plan.items() if t in row) for t in known
+        }
+        self._robots = {r: scorer.robot_part(r, row) for r, row in self.plan.items()}
+        self._targets = {t: scorer.target_part(t, self._watchers[t], self.plan) for t in known}
+
+    @property
+    def cost(self) -> Cost:
+        """Return the cost of the plan."""
+        return _total((*self._robots.values(), *self._targets.values()))
+
+    def gain(self, change: Plan) -> Cost:
+        """Return by how much a change of rows would alter the cost; negative is better."""
+        after = {**self.plan, **change}
+        before: list[Part] = []
+        then: list[Part] = []
+        for robot_id, row in change.items():
+            before.append(self._robots[robot_id])
+            then.append(self.scorer.robot_part(robot_id, row))
+        for target_id in self._touched(change):
+            before.append(self._targets[target_id])
+            watchers = self._watched(target_id, change)
+            then.append(self.scorer.target_part(target_id, watchers, after))
+        was, will = _total(before), _total(then)
+        return Cost(
+            will.overload - was.overload,
+            will.uncovered - was.uncovered,
+            will.unsighted - was.unsighted,
+            will.doubled - was.doubled,
+            will.trace - was.trace,
+        )
+
+    def apply(self, change: Plan) -> None:
+        """Change rows."""
+        touched = self._touched(change)
+        watchers = {t: self._watched(t, change) for t in touched}
+        self.plan.update(change)
+        self._watchers.update(watchers)
+        for robot_id, row in change.items():
+            self._robots[robot_id] = self.scorer.robot_part(robot_id, row)
+        for target_id in touched:
+            self._targets[target_id] = self.scorer.target_part(
+                target_id, self._watchers[target_id], self.plan
+            )
+
+    def _touched(self, change: Plan) -> list[int]:
+        targets = {t for r, row in change.items() for t in row | self.plan[r]}
+        return sorted(targets & self._watchers.keys())
+
+    def _watched(self, target_id: int, change: Plan) -> frozenset[int]:
+        watchers = self._watchers[target_id]
+        gone = {r for r, row in change.items() if target_id not in row}
+        come = {r for r, row in change.items() if target_id in row}
+        return frozenset((watchers - gone) | come)
 
 
 def _outside(place: Point, start: Point, zone: SeenZone) -> Point:

@@ -1,48 +1,13 @@
 """The mock's assignments: near targets, sound cover, few changes, what the human asked for."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 from llm.mock.comment_rules import TASK_KINDS, Wish, WishKind, understand
 from llm.mock.deciding import Reaction, TaskDecision
 from llm.mock.reading import Reading, SeenComment, SeenRobot
-from llm.mock.scoring import Cost, Plan, Scorer
-
-CLEAR_GAIN = 0.08
-"""Relative gain in the summed trace below which nothing is reassigned."""
-
-NEAREST = 4
-"""Robots tried per target."""
-
-MOST_ROUNDS = 40
-
-Pair = tuple[int, int]
-
-
-@dataclass(slots=True)
-class Bounds:
-    """What an assignment must keep to, by pins and comments."""
-
-    required: dict[Pair, str] = field(default_factory=dict)
-    """Pair -> label of the comment that asked for it; empty for a pin."""
-
-    forbidden: dict[Pair, str] = field(default_factory=dict)
-    one_each: bool = False
-
-    def allow(self, plan: Plan) -> bool:
-        """Return whether a plan keeps to the pairs."""
-        return all(t in plan.get(r, ()) for r, t in self.required) and not any(
-            t in plan.get(r, ()) for r, t in self.forbidden
-        )
-
-    def follow(self, plan: Plan) -> None:
-        """Give up what older comments asked for where a newer one has overruled them."""
-        for pair in [p for p, label in self.required.items() if label]:
-            if pair[1] not in plan.get(pair[0], ()):
-                del self.required[pair]
-        for pair in [p for p, label in self.forbidden.items() if label]:
-            if pair[1] in plan.get(pair[0], ()):
-                del self.forbidden[pair]
+from llm.mock.scoring import Plan, Scorer
+from llm.mock.search import Bounds, Pair, duties, improved, sound
 
 
 def decide(reading: Reading) -> TaskDecision:
@@ -52,7 +17,7 @@ def decide(reading: Reading) -> TaskDecision:
         forbidden={(p.robot, p.target): "" for p in reading.pins if p.forbids},
     )
     current: Plan = {robot.id: frozenset(robot.row) for robot in reading.robots if not robot.lost}
-    plan = _sound(reading, current, bounds)
+    plan = sound(reading, current, bounds)
     reactions: list[Reaction] = []
     capacities: tuple[tuple[int, int], ...] = ()
     asked_anew = False
@@ -62,7 +27,7 @@ def decide(reading: Reading) -> TaskDecision:
             continue
         if wish.kind is WishKind.CAPACITY:
             reading, capacities, reaction = _capacity(reading, comment, wish, capacities)
-            plan = _sound(reading, plan, bounds)
+            plan = sound(reading, plan, bounds)
         elif wish.kind in TASK_KINDS:
             plan, reaction = _grant(reading, plan, bounds, comment, wish)
         else:
@@ -70,7 +35,7 @@ def decide(reading: Reading) -> TaskDecision:
         if comment.new:
             asked_anew = asked_anew or wish.kind in TASK_KINDS
             reactions.append(reaction)
-    better = plan if asked_anew else _improved(reading, plan, bounds)
+    better = plan if asked_anew else improved(reading, plan, bounds)
     rows = tuple(
         (robot.id, tuple(sorted(better[robot.id])))
         for robot in reading.robots
@@ -78,120 +43,6 @@ def decide(reading: Reading) -> TaskDecision:
     )
     feedback = _feedback(reading, current, better)
     return TaskDecision(rows, feedback, tuple(reactions), capacities)
-
-
-# ---------------------------------------------------------------------------- search
-
-
-def _sound(reading: Reading, plan: Plan, bounds: Bounds) -> Plan:
-    """Return the plan, or the nearest thing to it that covers what can be covered."""
-    scorer = Scorer(reading, one_each=False)
-    kept = _kept_to(reading, plan, bounds)
-    best, cost = kept, scorer.cost(kept)
-    for _ in range(MOST_ROUNDS):
-        step = min(
-            ((scorer.cost(next_plan), next_plan) for next_plan in _moves(reading, best, bounds)),
-            key=lambda pair: pair[0],
-            default=None,
-        )
-        if step is None or _duties(step[0]) >= _duties(cost):
-            break
-        cost, best = step
-    return best
-
-
-def _kept_to(reading: Reading, plan: Plan, bounds: Bounds) -> Plan:
-    """Force the pairs and the capacities onto a plan; cover may be lost by it."""
-    rows: dict[int, frozenset[int]] = {}
-    for robot in reading.robots:
-        if robot.lost:
-            continue
-        row = set(plan.get(robot.id, ()))
-        if robot.free:
-            must = {t for r, t in bounds.required if r == robot.id}
-            row = (row | must) - {t for r, t in bounds.forbidden if r == robot.id}
-            spare = sorted(row - must)
-            while len(row) > robot.capacity and spare:
-                row.discard(spare.pop())
-        rows[robot.id] = frozenset(row)
-    return rows
-
-
-def _duties(cost: Cost) -> tuple[int, int, int]:
-    return cost.overload, cost.uncovered, cost.unsighted
-
-
-def _improved(reading: Reading, plan: Plan, bounds: Bounds) -> Plan:
-    """Return a clearly better plan by steepest descent, or the plan itself."""
-    scorer = Scorer(reading, bounds.one_each)
-    start = scorer.cost(plan)
-    best, cost = plan, start
-    for _ in range(MOST_ROUNDS):
-        found = min(
-            ((scorer.cost(next_plan), next_plan) for next_plan in _moves(reading, best, bounds)),
-            key=lambda pair: pair[0],
-            default=None,
-        )
-        if found is None or not found[0] < cost:
-            break
-        cost, best = found
-    needed = replace(cost, trace=0.0) < replace(start, trace=0.0)
-    return best if needed or cost.trace < (1.0 - CLEAR_GAIN) * start.trace else plan
-
-
-def _moves(reading: Reading, plan: Plan, bounds: Bounds) -> Iterator[Plan]:
-    """Yield the plans one step away: add, drop, hand over, swap."""
-    free = [robot for robot in reading.robots if robot.free and robot.id in plan]
-    for target in reading.targets:
-        near = _nearest(reading, free, target.id)
-        holders = [robot for robot in free if target.id in plan[robot.id]]
-        for robot in near:
-            if target.id in plan[robot.id]:
-                continue
-            for given_up in (None, *sorted(plan[robot.id])):
-                if given_up is None and len(plan[robot.id]) >= robot.capacity:
-                    continue
-                taken = _changed(plan, (robot.id, target.id), given_up)
-                if taken is None:
-                    continue
-                for candidate in _rehomed(taken, holders, target.id, given_up):
-                    if bounds.allow(candidate):
-                        yield candidate
-        for robot in holders:
-            dropped = {**plan, robot.id: plan[robot.id] - {target.id}}
-            if bounds.allow(dropped):
-                yield dropped
-
-
-def _rehomed(
-    taken: Plan, holders: list[SeenRobot], target_id: int, given_up: int | None
-) -> Iterator[Plan]:
-    """Yield a plan in which a robot has taken a target: shared, handed over, or swapped."""
-    yield taken
-    for holder in holders:
-        handed = {**taken, holder.id: taken[holder.id] - {target_id}}
-        yield handed
-        if given_up is not None and given_up not in handed[holder.id]:
-            yield {**handed, holder.id: handed[holder.id] | {given_up}}
-
-
-def _changed(plan: Plan, pair: Pair, given_up: int | None) -> Plan | None:
-    robot_id, target_id = pair
-    row = plan[robot_id] | {target_id}
-    return {**plan, robot_id: row - {given_up} if given_up is not None else row}
-
-
-def _nearest(reading: Reading, free: list[SeenRobot], target_id: int) -> list[SeenRobot]:
-    place = next((t.position for t in reading.targets if t.id == target_id), None)
-    if place is None:
-        return free[:NEAREST]
-    return sorted(
-        free,
-        key=lambda robot: (
-            (robot.position[0] - place[0]) ** 2 + (robot.position[1] - place[1]) ** 2,
-            robot.id,
-        ),
-    )[:NEAREST]
 
 
 # ---------------------------------------------------------------------------- comments
@@ -267,7 +118,7 @@ def _least_change(
         for candidate in _ways(reading, plan, pair, wanted=wanted)
         if wanted_bounds.allow(candidate)
     ]
-    able = [entry for entry in found if _duties(entry[1]) <= _duties(now)]
+    able = [entry for entry in found if duties(entry[1]) <= duties(now)]
     if not able:
         # A newer comment goes before an older one.
         older = [p for p, label in bounds.required.items() if label]
@@ -326,7 +177,7 @@ def _one_each(
 ) -> tuple[Plan, Reaction]:
     """One drone per target, as in the paper's case study."""
     bounds.one_each = True
-    single = _improved(reading, plan, bounds)
+    single = improved(reading, plan, bounds)
     if single == plan:
         words = "Each target already has a drone of its own; the weights can do more."
         return plan, Reaction(comment.label, "noted", words)
