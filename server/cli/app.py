@@ -6,7 +6,9 @@ import typer
 
 from server.cli.errors import UsageError
 from server.cli.run import run
+from server.models import ModelUnavailable
 from server.scenarios.errors import ScenarioError
+from solver.engines import EngineUnavailable
 
 app = typer.Typer(
     name="falconer",
@@ -19,11 +21,17 @@ app = typer.Typer(
 app.command()(run)
 
 
+@app.callback()
+def _falconer() -> None:
+    """Keep `run` a command of its own, however many there are."""
+
+
+
 def main() -> None:
     """Run the command line; bad input ends in one sentence and exit code 2."""
     try:
         app()
-    except (UsageError, ScenarioError) as error:
+    except (UsageError, ScenarioError, ModelUnavailable, EngineUnavailable) as error:
         print(f"falconer: {error}", file=sys.stderr)
         sys.exit(2)
     except KeyboardInterrupt:

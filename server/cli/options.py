@@ -2,7 +2,6 @@
 
 import math
 from enum import StrEnum
-from urllib.parse import urlsplit
 
 from server.cli.errors import UsageError
 from server.lockstep.advice import PAPER_LATENCY, Latency
@@ -60,9 +59,3 @@ def latency_option(value: str) -> Latency:
             f"--llm-latency {value!r}: expected paper, measured or seconds from 0 to 600"
         )
     return Latency(seconds, seconds)
-
-
-def is_url(value: str) -> bool:
-    """Return whether the value is an http(s) address with a host."""
-    parts = urlsplit(value)
-    return parts.scheme in {"http", "https"} and bool(parts.hostname)

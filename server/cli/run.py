@@ -14,6 +14,8 @@ from server.cli.options import EngineName, latency_option, scripted_comments
 from server.cli.progress import progress_bar
 from server.cli.tables import result_table
 from server.mission.setup import GateMode, MissionSetup
+from server.models import checked_choice
+from server.settings import Settings
 
 ScenarioArgument = Annotated[
     str,
@@ -83,7 +85,13 @@ def run(
         return
     from server.lockstep.assembly import Assembly
 
-    assembly = Assembly(setup=setup, world=chosen.world_setup(), llm=llm, latency=latency)
+    assembly = Assembly(
+        setup=setup,
+        world=chosen.world_setup(),
+        llm=checked_choice(llm),
+        latency=latency,
+        settings=Settings(),
+    )
     with progress_bar(f"{setup.name} seed {setup.seed}", setup.steps) as progress:
         result = asyncio.run(assembly.run(comments, progress))
     _deliver(result, out, as_json=as_json)

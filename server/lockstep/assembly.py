@@ -10,6 +10,7 @@ from server.mission.core import MissionCore
 from server.mission.setup import MissionSetup
 from server.mission.tape import NoTape, Recorder, TapedCore
 from server.models import open_model
+from server.settings import Settings
 from solver import engines
 from solver.planner import Planner
 from solver.streams import Streams
@@ -25,6 +26,7 @@ class Assembly:
     world: WorldSetup
     llm: str
     latency: Latency
+    settings: Settings
 
     async def run(
         self,
@@ -38,7 +40,7 @@ class Assembly:
         """
         engine = engines.create(self.setup.planner.engine or engines.default_engine())
         core = TapedCore(MissionCore(self.setup), recorder or NoTape())
-        async with open_model(self.llm) as model:
+        async with open_model(self.llm, self.settings) as model:
             advice = None if model is None else VirtualAdvice(core, model, self.latency)
             run = Lockstep(
                 self.setup,
