@@ -62,6 +62,10 @@ class Dialect:
     stream_first_s: float
     """How long setpoints must flow before the following mode is accepted."""
 
+    lead_s: float
+    """How far ahead of now a setpoint's position is meant: ArduPilot moves it on by the velocity
+    until the next one comes, PX4 keeps it, so there the middle of the period is right."""
+
     def name(self, mode: int) -> str:
         """Return what people call a mode."""
         return self.names.get(mode, f"mode {mode:#x}")
@@ -105,6 +109,7 @@ ARDUPILOT = Dialect(
     type_mask=IGNORE_ACCELERATION_AND_YAW,
     take_off=TakeOff.COMMAND,
     stream_first_s=0.0,
+    lead_s=0.0,
 )
 
 PX4 = Dialect(
@@ -131,6 +136,7 @@ PX4 = Dialect(
     type_mask=IGNORE_ACCELERATION_AND_YAW,
     take_off=TakeOff.SETPOINT,
     stream_first_s=1.0,
+    lead_s=0.05,
 )
 
 DIALECTS: Mapping[Autopilot, Dialect] = {Autopilot.ARDUPILOT: ARDUPILOT, Autopilot.PX4: PX4}

@@ -77,6 +77,7 @@ class Guard:
         self._undertaking: Undertaking | None = None
         self._expected: frozenset[int] = frozenset()
         self._wanted: int | None = None
+        self._leaving_id: str | None = None
         self._leg: Leg | None = None
         self._hold_at: Vector | None = None
         self._held = False
@@ -93,7 +94,7 @@ class Guard:
         objection = "its place in the common frame is not known"
         start = None
         if alignment is not None and self._fresh_position(now_s):
-            start = alignment.to_common(self._told.position)[:2]
+            start = alignment.to_common(self._told.position_at(now_s))[:2]
             objection = self._settings.limits.objection(setpoint, start) or ""
         if start is None or objection:
             self.refused += 1
@@ -209,6 +210,8 @@ class Guard:
         followed = self.control in (Control.FOLLOWING, Control.LEAVING)
         if followed and not self._told.airborne:
             # A landed vehicle must not be streamed to: armed again, some would take off.
+            if self.control is Control.LEAVING:
+                self._tell(BodyEventKind.DONE, "landed", now_s, self._leaving_id)
             self.control, self.reason = Control.STANDBY, "landed"
             followed = False
         ours = followed or self._undertaking is not None
@@ -271,16 +274,22 @@ class Guard:
         if begun.failure is not None:
             return self._fail(begun, begun.failure, now_s)
         if begun.done:
-            self._undertaking = None
-            self._tell(
-                BodyEventKind.DONE, f"{begun.order.value} carried out", now_s, begun.order_id
-            )
-            if begun.order in (Order.LAND, Order.RETURN):
-                self.control, self.reason = Control.LEAVING, f"{begun.order.value} ordered"
-                self._expected = frozenset({self._told.mode or 0})
-            elif self.control is not Control.FOLLOWING:
-                self._take_control(now_s)
+            self._finish(begun, now_s)
         return [] if action is None else [action]
+
+    def _finish(self, begun: Undertaking, now_s: float) -> None:
+        self._undertaking = None
+        if begun.order in (Order.LAND, Order.RETURN):
+            self.control, self._leaving_id = Control.LEAVING, begun.order_id
+            self.reason = f"ordered to {begun.order.value}"
+            return
+        words = "in the air" if begun.order is Order.TAKE_OFF else "taking setpoints again"
+        self._tell(BodyEventKind.DONE, words, now_s, begun.order_id)
+        hold_at = self._hold_at
+        if self.control is not Control.FOLLOWING:
+            self._take_control(now_s)
+        # It climbs on to where it was sent: the last tenth of a take-off is not lost.
+        self._hold_at = hold_at
 
     def _fail(self, begun: Undertaking, failure: str, now_s: float) -> list[Action]:
         self._undertaking = None
@@ -313,7 +322,7 @@ class Guard:
             and not self._held
             and self._undertaking is None
         ):
-            place, velocity = leg.reference(now_s)
+            place, velocity = leg.reference(now_s + self._settings.dialect.lead_s)
             return Target(alignment.to_local(place), alignment.turned_back(velocity))
         return Target(self._hold_place(alignment, now_s), (0.0, 0.0, 0.0))
 

@@ -82,6 +82,12 @@ class Telemetry:
         """Whether it flies, as far as it says."""
         return self.armed and not self.landed
 
+    def position_at(self, now_s: float) -> Vector:
+        """Return where it is now if it has kept its last velocity."""
+        age_s = 0.0 if self.position_s is None else now_s - self.position_s
+        x, y, z = (p + v * age_s for p, v in zip(self.position, self.velocity, strict=True))
+        return (x, y, z)
+
     def receive(self, message: Message, now_s: float) -> None:
         """Take one sound and plausible message; kinds that tell us nothing are ignored."""
         kind = message.get_type()
