@@ -221,6 +221,15 @@ class ReturnPart(Wire):
     zones: Annotated[tuple[ZonePart, ...], Field(max_length=256)]
 
 
+class NoticePart(Wire):
+    """Something else that people should know."""
+
+    type: Literal["notice"] = "notice"
+    code: Name
+    text: Words
+    command_id: Name | None = None
+
+
 class TrueRobotPart(Wire):
     """One robot as it really is."""
 
@@ -248,7 +257,7 @@ class HitsPart(Wire):
 
 
 EventPart: TypeAlias = Annotated[
-    AttackPart | RecoveryPart | ModePart | ReturnPart, Field(discriminator="type")
+    AttackPart | RecoveryPart | ModePart | ReturnPart | NoticePart, Field(discriminator="type")
 ]
 
 # ---------------------------------------------------------------------- messages

@@ -61,6 +61,7 @@ def test_every_message_is_documented_field_by_field(kind: type[wire.Message]) ->
         (wire.RecoveryPart, "Event", "A recovery"),
         (wire.ModePart, "Event", "A mode change"),
         (wire.ReturnPart, "Event", "A return"),
+        (wire.NoticePart, "Event", "A notice"),
         (wire.RulesPart, "Knowledge", "Its rules"),
         (wire.ZonePart, "Knowledge", "A zone"),
         (wire.TrackPart, "Knowledge", "A track"),

@@ -58,6 +58,9 @@ class WorldRobot:
     velocity: Point = (0.0, 0.0)
     """At the start, m/s."""
 
+    climb_m_s: float = 0.5
+    """How fast it climbs and sinks."""
+
 
 @dataclass(frozen=True, slots=True)
 class WorldTarget:
@@ -149,6 +152,7 @@ def _check_robot(robot: WorldRobot) -> None:
     where = f"robot {robot.id}"
     _check_finite(f"{where}: position", *robot.position, robot.altitude_m)
     _check_finite(f"{where}: velocity", *robot.velocity)
+    _check_positive(f"{where}: climb_m_s", robot.climb_m_s)
     for lower, upper in zip(robot.control_lower, robot.control_upper, strict=True):
         _check_finite(f"{where}: control box", lower, upper)
         if lower > upper:

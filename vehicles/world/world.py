@@ -52,6 +52,8 @@ class World:
         self._double = _is_double(setup.robots)
         self._positions = _points(robot.position for robot in setup.robots)
         self._velocities = _points(robot.velocity for robot in setup.robots)
+        self._altitudes = np.array([robot.altitude_m for robot in setup.robots], dtype=np.float64)
+        self._climbs = np.array([robot.climb_m_s for robot in setup.robots], dtype=np.float64)
         self._targets = {
             target.id: Kinematics(target.position, target.velocity) for target in setup.targets
         }
@@ -123,7 +125,12 @@ class World:
             )
         return Detections(robot_id, position, tuple(sightings))
 
-    def move(self, dt_s: float, velocities: Mapping[int, Point]) -> None:
+    def move(
+        self,
+        dt_s: float,
+        velocities: Mapping[int, Point],
+        altitudes: Mapping[int, float] | None = None,
+    ) -> None:
         """Fly every robot and move every target and zone for one step; the step ends.
 
         A single integrator flies its velocity, clipped to its box. A double integrator
@@ -133,18 +140,24 @@ class World:
         Args:
             dt_s: Length of the step, above 0.
             velocities: Commanded velocity per robot id, m/s.
+            altitudes: Altitude to climb or sink to, per robot id, metres; others keep theirs.
 
         Raises:
-            KeyError: When a velocity is for a robot that does not exist.
-            ValueError: When a velocity is not finite or dt_s is not above 0.
+            KeyError: When a command is for a robot that does not exist.
+            ValueError: When a command is not finite or dt_s is not above 0.
         """
         if not dt_s > 0.0:
             raise ValueError(f"dt_s: {dt_s} is not above 0")
         commands = np.zeros_like(self._velocities)
         for robot_id, velocity in velocities.items():
             commands[self._rows[robot_id]] = velocity
-        if not np.isfinite(commands).all():
-            raise ValueError(f"velocities: not finite: {dict(velocities)}")
+        heights = self._altitudes.copy()
+        for robot_id, altitude in (altitudes or {}).items():
+            heights[self._rows[robot_id]] = altitude
+        if not (np.isfinite(commands).all() and np.isfinite(heights).all()):
+            raise ValueError(f"commands: not finite: {dict(velocities)}, {altitudes}")
+        reach = dt_s * self._climbs
+        self._altitudes = self._altitudes + np.clip(heights - self._altitudes, -reach, reach)
         before = self._positions
         self._positions, self._velocities = self._fly(dt_s, commands)
         self._paths += np.linalg.norm(self._positions - before, axis=1)
@@ -168,7 +181,7 @@ class World:
             robot_id=robot_id,
             position=_point(self._positions[row]),
             velocity=_point(self._velocities[row]),
-            altitude_m=self.setup.robots[row].altitude_m,
+            altitude_m=float(self._altitudes[row]),
             sensing_failed=bool(self._failed[ZoneKind.SENSING][row]),
         )
 
@@ -194,7 +207,7 @@ class World:
                     robot.id,
                     _point(self._positions[row]),
                     _point(self._velocities[row]),
-                    robot.altitude_m,
+                    float(self._altitudes[row]),
                     self.failures(robot.id),
                 )
                 for row, robot in enumerate(self.setup.robots)

@@ -237,11 +237,25 @@ def test_a_double_integrator_needs_time_to_turn() -> None:
     assert world.robot_state(1).position == pytest.approx((0.1, 0.0))
 
 
+def test_robots_climb_and_sink_at_their_own_rate() -> None:
+    world = make(world_setup((robot(1, 0.0), robot(2, 5.0))))
+    assert world.robot_state(1).altitude_m == 1.5
+    world.move(1.0, {}, {1: 0.0})
+    assert world.robot_state(1).altitude_m == pytest.approx(1.0)
+    assert world.robot_state(2).altitude_m == 2.0
+    world.move(4.0, {}, {1: 0.0, 2: 2.3})
+    assert world.robot_state(1).altitude_m == 0.0
+    assert [robot.altitude_m for robot in world.truth().robots] == pytest.approx([0.0, 2.3])
+    assert world.path_length_m(1) == 0.0
+
+
 @pytest.mark.parametrize("bad", [float("nan"), float("inf")])
 def test_nonsense_commands_are_refused_and_nothing_moves(bad: float) -> None:
     world = make(world_setup((robot(1, 0.0),)))
     with pytest.raises(ValueError, match="not finite"):
         world.move(0.5, {1: (bad, 0.0)})
+    with pytest.raises(ValueError, match="not finite"):
+        world.move(0.5, {}, {1: bad})
     with pytest.raises(KeyError):
         world.move(0.5, {7: (0.0, 0.0)})
     with pytest.raises(ValueError, match="dt_s"):
