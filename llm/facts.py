@@ -132,7 +132,8 @@ def zone_lines(snapshot: Snapshot) -> Iterator[str]:
         yield "No danger zone is known yet."
     names = zone_labels(snapshot)
     ids = np.asarray(snapshot.robots.ids)
-    spread_m = max((_spread_m(snapshot, i) for i in range(len(ids))), default=0.0)
+    reachable = [i for i, link in enumerate(snapshot.robots.links) if link is Link.CONNECTED]
+    spread_m = max((_spread_m(snapshot, i) for i in reachable), default=0.0)
     for z, zone in enumerate(snapshot.zones):
         severity = snapshot.directives.severity_of(zone.id)
         knowing = [int(r) for r in ids[snapshot.known[:, z]]]
