@@ -15,7 +15,7 @@ from solver.arrays import FloatArray
 from solver.directives import CommentVerdict, Directives, Weights
 from solver.observations import Link
 from solver.snapshot import CommentReceipt, RobotTable, Snapshot, SolveSummary, TrackTable
-from solver.zones import Zone, ZoneKind
+from solver.zones import Point, Zone, ZoneKind
 
 STREAM_VERSION = 1
 """The `v` of every message. A change that old readers would misread counts it up."""
@@ -72,6 +72,7 @@ def snapshot_message(
     *,
     state: MissionState,
     loops: Mapping[str, LoopReport],
+    field: tuple[Point, Point],
     weight_bounds: tuple[Weights, Weights],
     attacks: Mapping[ZoneKind, int],
     receipts: Sequence[CommentReceipt],
@@ -79,7 +80,7 @@ def snapshot_message(
 ) -> Json:
     """Return the stream's message for one snapshot.
 
-    `weight_bounds` are the lower and the upper weights; `attacks` counts hits since the
+    `field` and `weight_bounds` are (lower, upper); `attacks` counts hits since the
     start; `receipts` are the comments to show, closed ones included, oldest first; `truth`
     is `truth_object` of a simulated world.
     """
@@ -90,6 +91,7 @@ def snapshot_message(
         "tick": snapshot.tick,
         "time_s": number(snapshot.time_s, _SECONDS),
         "state": state.value,
+        "field": {"lower": list(field[0]), "upper": list(field[1])},
         "robots": _robots(snapshot.robots),
         "targets": _targets(snapshot.tracks),
         "zones": _zones(snapshot),
@@ -166,15 +168,16 @@ def comment_object(receipt: CommentReceipt) -> Json:
     }
 
 
-def keep_out_m(zone: Zone, severity: float, spread_m: float) -> float:
-    """Return the largest distance from the centre at which the zone still repels, metres.
+def keep_out_axes_m(zone: Zone, severity: float, spread_m: float) -> tuple[float, float]:
+    """Return how far the zone repels along its long and its short axis, metres.
 
     DESIGN 4: quantile * sqrt(n'Sn) plus the margin; for a communication zone the margin is
     a factor on the spread of the team, the largest distance between two connected robots.
     """
-    deviation_m = float(np.sqrt(np.linalg.eigvalsh(np.asarray(zone.covariance))[-1]))
+    short, long = np.sqrt(np.linalg.eigvalsh(np.asarray(zone.covariance)))
     margin_m = zone.margin if zone.kind is ZoneKind.SENSING else zone.margin * spread_m
-    return zone.quantile(severity) * deviation_m + margin_m
+    quantile = zone.quantile(severity)
+    return float(quantile * long + margin_m), float(quantile * short + margin_m)
 
 
 def number(value: float | None, digits: int) -> float | None:
@@ -231,6 +234,7 @@ def _zones(snapshot: Snapshot) -> list[Json]:
     for column, zone in enumerate(snapshot.zones):
         severity = snapshot.directives.severity_of(zone.id)
         holders = np.flatnonzero(snapshot.known[:, column])
+        axes_m = keep_out_axes_m(zone, severity, spread_m)
         found.append(
             {
                 "id": zone.id,
@@ -240,7 +244,8 @@ def _zones(snapshot: Snapshot) -> list[Json]:
                 "margin": zone.margin,
                 "risk": zone.risk,
                 "severity": number(severity, 3),
-                "keep_out_m": number(keep_out_m(zone, severity, spread_m), _METRES),
+                "keep_out_m": number(axes_m[0], _METRES),
+                "keep_out_axes_m": numbers(axes_m, _METRES),
                 "known_by": [snapshot.robots.ids[row] for row in holders],
             }
         )

@@ -16,7 +16,7 @@ from server.api.models import CommentModel, LlmProfile, MissionInfo, MissionRequ
 from server.api.record import MissionRecord
 from server.encoding import EventKind, MissionState, Severity
 from server.live.channel import ChannelError, RequestRefused
-from server.live.fanout import messages
+from server.live.fanout import Messages
 from server.live.host import START_S, Host
 from server.live.outbox import Frame, Outbox
 
@@ -137,7 +137,7 @@ class MissionService:
         ended.
         """
         with self.frames(mission_id) as outbox:
-            yield messages(outbox)
+            yield Messages(outbox)
 
     @contextmanager
     def frames(self, mission_id: str) -> Iterator[Outbox]:

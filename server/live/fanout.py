@@ -1,8 +1,8 @@
 """From one mission to many readers, none of whom is ever waited for."""
 
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, Self
 
 from server.live.outbox import Frame, Outbox, OutboxClosed
 
@@ -62,11 +62,17 @@ class Fanout:
             self._outboxes.discard(outbox)
 
 
-async def messages(outbox: Outbox) -> AsyncIterator[dict[str, Any]]:
-    """Yield the messages of a subscription until it is closed."""
-    while True:
+class Messages:
+    """The messages of a subscription until it is closed. A cancelled read loses nothing."""
+
+    def __init__(self, outbox: Outbox) -> None:
+        self._outbox = outbox
+
+    def __aiter__(self) -> Self:
+        return self
+
+    async def __anext__(self) -> dict[str, Any]:
         try:
-            frame = await outbox.get()
+            return (await self._outbox.get()).data
         except OutboxClosed:
-            return
-        yield frame.data
+            raise StopAsyncIteration from None

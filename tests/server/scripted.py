@@ -40,6 +40,7 @@ from solver.zones import Zone, ZoneKind
 
 ROBOTS = (21, 26, 31, 34)
 TARGETS = (121, 122, 123, 124, 125, 126)
+FIELD = ((-8.0, -5.0), (8.0, 5.0))
 LOWER = Weights(1.0, 0.005, 5.0, 5.0)
 UPPER = Weights(100.0, 0.5, 500.0, 500.0)
 FOUND = (
@@ -200,6 +201,7 @@ class ScriptedHost:
                     picture,
                     state=self.state,
                     loops=loop_reports(time_s),
+                    field=FIELD,
                     weight_bounds=(LOWER, UPPER),
                     attacks={ZoneKind.SENSING: 3, ZoneKind.COMMUNICATION: 1},
                     receipts=self.receipts,

@@ -11,7 +11,7 @@ from server.encoding import (
     MissionState,
     Severity,
     event_message,
-    keep_out_m,
+    keep_out_axes_m,
     snapshot_message,
     truth_object,
 )
@@ -21,13 +21,14 @@ from solver.directives import CommentVerdict, Pairing, Pin
 from solver.observations import Comment, Link
 from solver.snapshot import CommentReceipt, Snapshot
 from solver.zones import Zone, ZoneKind
-from tests.server.scripted import LOWER, UPPER, directives, loop_reports, snapshot
+from tests.server.scripted import FIELD, LOWER, UPPER, directives, loop_reports, snapshot
 
 
 def message(picture: Snapshot | None = None, **changes: Any) -> dict[str, Any]:
     arguments: dict[str, Any] = {
         "state": MissionState.RUNNING,
         "loops": loop_reports(30.0),
+        "field": FIELD,
         "weight_bounds": (LOWER, UPPER),
         "attacks": {ZoneKind.SENSING: 3},
         "receipts": (),
@@ -38,7 +39,7 @@ def message(picture: Snapshot | None = None, **changes: Any) -> dict[str, Any]:
 def test_a_message_has_every_key_of_the_contract() -> None:
     said = message()
     assert list(said) == [
-        "type", "v", "mission", "tick", "time_s", "state", "robots", "targets", "zones",
+        "type", "v", "mission", "tick", "time_s", "state", "field", "robots", "targets", "zones",
         "directives", "solve", "trace", "guidance", "loops", "attacks", "comments", "truth",
     ]  # fmt: skip
     assert said["type"] == "snapshot"
@@ -113,12 +114,14 @@ def test_zones_tell_who_knows_them() -> None:
 def test_keep_out_of_a_sensing_zone_is_quantile_times_deviation_plus_margin() -> None:
     zone = Zone("z", ZoneKind.SENSING, (0, 0), ((0.25, 0.0), (0.0, 0.09)), 0.2, 0.1)
     standard_normal_90 = 1.2815515655446004  # from a table: P(Z < 1.28155) = 0.9
-    assert keep_out_m(zone, 1.0, 7.0) == pytest.approx(standard_normal_90 * 0.5 + 0.2)
+    expected = (standard_normal_90 * 0.5 + 0.2, standard_normal_90 * 0.3 + 0.2)
+    assert keep_out_axes_m(zone, 1.0, 7.0) == pytest.approx(expected)
 
 
 def test_keep_out_grows_with_the_root_of_the_severity() -> None:
     zone = Zone("z", ZoneKind.SENSING, (0, 0), ((1.0, 0.0), (0.0, 1.0)), 0.0, 0.1)
-    assert keep_out_m(zone, 4.0, 0.0) == pytest.approx(2.0 * keep_out_m(zone, 1.0, 0.0))
+    fourfold, once = keep_out_axes_m(zone, 4.0, 0.0), keep_out_axes_m(zone, 1.0, 0.0)
+    assert fourfold == pytest.approx((2.0 * once[0], 2.0 * once[1]))
 
 
 def test_keep_out_of_a_communication_zone_grows_with_the_connected_team() -> None:

@@ -4,7 +4,7 @@ from typing import Any
 import pytest
 
 from server.live.channel import frame
-from server.live.fanout import TOO_SLOW, Fanout, messages
+from server.live.fanout import TOO_SLOW, Fanout, Messages
 from server.live.outbox import Frame, Outbox, OutboxClosed
 
 
@@ -18,7 +18,7 @@ def event(seq: int) -> Frame:
 
 async def drained(outbox: Outbox) -> list[dict[str, Any]]:
     outbox.close("test over")
-    return [said async for said in messages(outbox)]
+    return [said async for said in Messages(outbox)]
 
 
 @pytest.mark.asyncio
@@ -103,3 +103,14 @@ async def test_leaving_ends_the_subscription() -> None:
     with fanout.subscribe():
         assert fanout.readers == 1
     assert fanout.readers == 0
+
+
+@pytest.mark.asyncio
+async def test_a_cancelled_read_loses_nothing() -> None:
+    outbox = Outbox()
+    read = Messages(outbox)
+    with pytest.raises(TimeoutError):
+        async with asyncio.timeout(0.01):
+            await anext(read)
+    outbox.put(event(1))
+    assert (await anext(read))["seq"] == 1
