@@ -5,9 +5,11 @@ from typing import Any
 
 import numpy as np
 
+from llm.verification import beta
 from server.mission.setup import Compat, MissionSetup
+from solver.directives import CommentVerdict
 from solver.problem import Rung
-from solver.snapshot import Snapshot
+from solver.snapshot import CommentReceipt, Snapshot
 
 
 @dataclass(slots=True)
@@ -80,6 +82,7 @@ class WorldFigures:
 
 def result_json(
     setup: MissionSetup,
+    last: Snapshot,
     tally: RunTally,
     world: WorldFigures,
     task: LoopTally,
@@ -116,7 +119,37 @@ def result_json(
     }
     if setup.compat is Compat.AUTHORS:
         result["accumulated_trace_authors"] = tally.trace_authors
+    result["directives"] = directives_json(last)
+    result["comments"] = [receipt_json(r) for r in (*last.closed, *last.receipts)]
     return result
+
+
+def directives_json(snapshot: Snapshot) -> dict[str, Any]:
+    """Return what was in force at the end, and the beta(A) of it (paper, eq. 5)."""
+    directives = snapshot.directives
+    return {
+        "assignment": {str(rid): directives.targets_of(rid) for rid in snapshot.robots.ids},
+        "assignment_source": directives.assignment_source.value,
+        "beta": beta(directives.assignment, snapshot),
+        "weights": directives.weights._asdict(),
+        "weights_source": directives.weights_source.value,
+    }
+
+
+def receipt_json(receipt: CommentReceipt) -> dict[str, Any]:
+    """Return what became of a comment."""
+    return {
+        "id": receipt.comment.id,
+        "time_s": receipt.comment.time_s,
+        "text": receipt.comment.text,
+        "status": receipt.status,
+        "task": _said(receipt.task, receipt.task_reason),
+        "action": _said(receipt.action, receipt.action_reason),
+    }
+
+
+def _said(verdict: CommentVerdict | None, reason: str) -> dict[str, str] | None:
+    return None if verdict is None else {"verdict": verdict.value, "reason": reason}
 
 
 def _mean(values: list[float] | list[int]) -> float | None:

@@ -26,7 +26,6 @@ def _falconer() -> None:
     """Keep `run` a command of its own, however many there are."""
 
 
-
 def main() -> None:
     """Run the command line; bad input ends in one sentence and exit code 2."""
     try:

@@ -34,6 +34,25 @@ def result_table(result: dict[str, Any]) -> Table:
     return table
 
 
+def comment_lines(result: dict[str, Any]) -> list[str]:
+    """Return what became of each comment, a line each."""
+    lines = []
+    for comment in result["comments"]:
+        said = [
+            f"{loop}: {comment[loop]['reason']}"
+            for loop in ("task", "action")
+            if comment[loop] is not None and comment[loop]["reason"]
+        ]
+        answer = "; ".join(said) or "no answer"
+        lines.append(f"{comment['time_s']:g} s {comment['text']!r} {comment['status']}: {answer}")
+    if lines:
+        rows = ", ".join(
+            f"{robot} -> {list(row)}" for robot, row in result["directives"]["assignment"].items()
+        )
+        lines.append(f"assignment at the end: {rows} (beta = {result['directives']['beta']})")
+    return lines
+
+
 def _number(value: float | int | None) -> str:
     if value is None:
         return "-"

@@ -73,7 +73,9 @@ class Lockstep:
         wall_s = time.perf_counter() - started_s
         task = self._advice.task if self._advice else LoopTally()
         action = self._advice.action if self._advice else LoopTally()
-        return result_json(self._setup, self._tally, self._figures(), task, action, wall_s)
+        return result_json(
+            self._setup, self.snapshot, self._tally, self._figures(), task, action, wall_s
+        )
 
     async def step(self, now_s: float) -> None:
         """Run one step of the authors' order: attack, report, plan, fly, then ask."""

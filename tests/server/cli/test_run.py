@@ -1,0 +1,78 @@
+"""`falconer run --lockstep` as people call it: one JSON object, or one clear sentence."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+
+def falconer(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    environment = {k: v for k, v in os.environ.items() if not k.startswith("FALCONER_")}
+    command = [sys.executable, "-m", "server.cli", *arguments]
+    return subprocess.run(
+        command, capture_output=True, text=True, timeout=50, cwd=cwd, env=environment, check=False
+    )
+
+
+def test_json_on_stdout_progress_on_stderr(tmp_path: Path) -> None:
+    done = falconer(
+        "run", "ablation", "--lockstep", "--llm", "none", "--steps", "5", "--seed", "3",
+        "--json", "--out", str(tmp_path),
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    result = json.loads(done.stdout)
+    assert (result["seed"], result["steps"]) == (3, 5)
+    assert json.loads((tmp_path / "result.json").read_text()) == result
+
+
+def test_a_comment_and_its_answer_are_told() -> None:
+    done = falconer(
+        "run", "ablation", "--lockstep", "--steps", "70",
+        "--comment", "30:The drone 0 should focus on tracking target 1",
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert "applied" in done.stderr
+    assert "beta = 0" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("run", "no-such-scenario", "--lockstep"), "no scenario of that name"),
+        (("run", "ablation", "--lockstep", "--comment", "now:hold"), "--comment"),
+        (("run", "ablation", "--lockstep", "--comment", "nan:hold"), "--comment"),
+        (("run", "ablation", "--lockstep", "--comment", "1:" + "x" * 3000), "2000"),
+        (("run", "ablation", "--lockstep", "--llm", "ftp://host"), "--llm"),
+        (("run", "ablation", "--lockstep", "--llm-latency", "-1"), "--llm-latency"),
+        (("run", "ablation", "--lockstep", "--steps", "0"), "--steps"),
+        (("run", "ablation", "--lockstep", "--engine", "forces"), "--engine"),
+        (("run", "ablation", "--lockstep", "--record", "x.mcap"), "--record"),
+        (("launch",), "launch"),
+    ],
+)
+def test_bad_input_is_one_clear_sentence_and_exit_code_2(
+    arguments: tuple[str, ...], words: str
+) -> None:
+    done = falconer(*arguments)
+    assert done.returncode == 2
+    assert words in done.stderr
+    assert "Traceback" not in done.stderr
+    assert done.stdout == ""
+
+
+def test_a_scenario_file_with_a_nan_names_the_field(tmp_path: Path) -> None:
+    file = tmp_path / "bad.yaml"
+    file.write_text("name: bad\nrobots: [{id: 1, position: [.nan, 0.0], capacity: 1}]\n")
+    done = falconer("run", str(file), "--lockstep")
+    assert done.returncode == 2
+    assert "robots[0].position[0]" in done.stderr
+
+
+def test_help_names_every_option() -> None:
+    done = falconer("run", "--help")
+    assert done.returncode == 0
+    for option in ("--llm", "--gate", "--lockstep", "--seed", "--steps", "--engine", "--comment"):
+        assert option in done.stdout
