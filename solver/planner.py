@@ -117,37 +117,6 @@ class Planner:
         )
 
 
-def carried_over(
-    last: Solution, robot_ids: tuple[int, ...], elapsed_s: float, step_s: float
-) -> FloatArray:
-    """Return the last plan as seen some time later: the next problem's `previous`.
-
-    Args:
-        last: The plan.
-        robot_ids: The robots of the next problem; those not in the plan get zero controls.
-        elapsed_s: Time since the plan was made.
-        step_s: Length of a planning step. Between steps the controls are interpolated, and
-            the last one goes on.
-
-    Returns:
-        (M, H, 2).
-    """
-    horizon = last.controls.shape[1]
-    times = np.minimum(np.arange(horizon) + elapsed_s / step_s, horizon - 1.0)
-    before = times.astype(np.int64)
-    after = np.minimum(before + 1, horizon - 1)
-    share = (times - before)[:, None]
-    shifted = (1.0 - share) * last.controls[:, before] + share * last.controls[:, after]
-    if robot_ids == last.robot_ids:
-        return frozen(shifted)
-    rows = {robot_id: row for row, robot_id in enumerate(last.robot_ids)}
-    result = np.zeros((len(robot_ids), horizon, 2))
-    for row, robot_id in enumerate(robot_ids):
-        if robot_id in rows:
-            result[row] = shifted[rows[robot_id]]
-    return frozen(result)
-
-
 def _numbers(values: FloatArray) -> FloatArray:
     return np.nan_to_num(values, nan=0.0)
 

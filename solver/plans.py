@@ -6,10 +6,13 @@ from solver.arrays import FloatArray
 
 
 def shifted(controls: FloatArray, elapsed_s: float, step_s: float) -> FloatArray:
-    """Return controls (..., H, 2) as they stand `elapsed_s` later, the last one repeated.
+    """Return controls (..., H, 2) as they stand `elapsed_s` later, a start for the next solve.
 
-    Controls are constant over a step: less than a step later they are the same.
+    Between steps they are interpolated; the last one goes on.
     """
     horizon = controls.shape[-2]
-    moved = np.floor(np.arange(horizon) + max(elapsed_s, 0.0) / step_s + 1e-9).astype(int)
-    return controls[..., np.minimum(moved, horizon - 1), :]
+    times = np.minimum(np.arange(horizon) + max(elapsed_s, 0.0) / step_s, horizon - 1.0)
+    before = times.astype(np.int64)
+    after = np.minimum(before + 1, horizon - 1)
+    share = (times - before)[:, None]
+    return (1.0 - share) * controls[..., before, :] + share * controls[..., after, :]

@@ -15,7 +15,7 @@ from solver.bounds import control_box, rollout
 from solver.directives import Weights
 from solver.engines.sqp import SqpEngine
 from solver.objective import cost
-from solver.planner import Planner, carried_over
+from solver.planner import Planner
 from solver.problem import Budget, Dynamics, EngineFailed, Problem, Rung, Solution
 from solver.repair import repaired
 from tests.solver.problems import DYNAMICS, coincident, random_problem
@@ -314,29 +314,3 @@ def test_same_problem_same_commands() -> None:
     np.testing.assert_array_equal(first.controls, again.controls)
     np.testing.assert_array_equal(first.positions, again.positions)
     assert first.objective == again.objective
-
-
-class TestCarriedOver:
-    def last(self) -> Solution:
-        controls = np.arange(12, dtype=np.float64).reshape(2, 3, 2)
-        zeros = np.zeros((2, 3, 2))
-        return Solution((21, 26), controls, zeros, zeros, 0.0, Rung.CONVERGED, 1, 0.0, "x")
-
-    def test_by_a_whole_step(self) -> None:
-        last = self.last()
-        expected = last.controls[:, [1, 2, 2]]
-        np.testing.assert_array_equal(carried_over(last, (21, 26), 0.5, 0.5), expected)
-
-    def test_between_steps_it_is_interpolated(self) -> None:
-        last = self.last()
-        shifted = carried_over(last, (21, 26), 0.1, 0.5)
-        np.testing.assert_allclose(
-            shifted[:, 0], 0.8 * last.controls[:, 0] + 0.2 * last.controls[:, 1]
-        )
-        np.testing.assert_array_equal(shifted[:, 2], last.controls[:, 2])
-
-    def test_rows_follow_the_robots(self) -> None:
-        last = self.last()
-        shifted = carried_over(last, (30, 26), 0.0, 0.5)
-        np.testing.assert_array_equal(shifted[0], 0.0)
-        np.testing.assert_array_equal(shifted[1], last.controls[1])

@@ -2,8 +2,9 @@
 
 from math import hypot
 
-from solver.arrays import FloatArray
 from solver.engines.fast.jit import inlined, kernel
+from solver.engines.fast.layout import Table
+from solver.engines.fast.request import Movement
 
 
 @inlined
@@ -13,63 +14,45 @@ def _narrowed(lower: float, upper: float, least: float, most: float) -> tuple[fl
 
 
 @kernel
-def fill_box(
-    step: float,
-    double: bool,
-    positions: FloatArray,
-    velocities: FloatArray,
-    control_lower: FloatArray,
-    control_upper: FloatArray,
-    speed: FloatArray,
-    field: FloatArray,
-    lower: FloatArray,
-    upper: FloatArray,
-) -> None:
-    """Fill lower and upper (M, 2H): the first step keeps speed limit and field as well.
+def fill_box(setting: Table, robots: Table, movement: Movement) -> None:
+    """Fill the robots' boxes: that of the first step keeps speed limit and field as well.
 
     Where they leave nothing, the robot moves towards the field as fast as its controls (and,
     before that, its speed limit) allow.
     """
-    for i in range(positions.shape[0]):
+    step, size = setting.step, 2 * setting.steps
+    for i in range(robots.shape[0]):
+        robot = robots[i]
         for axis in range(2):
-            low, high = control_lower[i, axis], control_upper[i, axis]
-            for at in range(2 + axis, lower.shape[1], 2):
-                lower[i, at], upper[i, at] = low, high
-            x, v = positions[i, axis], velocities[i, axis]
+            low, high = movement.control_lower[i, axis], movement.control_upper[i, axis]
+            for at in range(2 + axis, size, 2):
+                robot.lower[at], robot.upper[at] = low, high
+            x, v = robot.position[axis], robot.velocity[axis]
             scale = step
-            if double:
-                low, high = _narrowed(
-                    low, high, (-speed[i] - v) / step, (speed[i] - v) / step
-                )
+            if setting.double:
+                low, high = _narrowed(low, high, (-robot.speed - v) / step, (robot.speed - v) / step)
                 x += step * v
                 scale = 0.5 * step * step
             low, high = _narrowed(
-                low, high, (field[axis] - x) / scale, (field[2 + axis] - x) / scale
+                low, high, (setting.field[axis] - x) / scale, (setting.field[2 + axis] - x) / scale
             )
-            lower[i, axis], upper[i, axis] = low, high
+            robot.lower[axis], robot.upper[axis] = low, high
 
 
 @kernel
-def fill_reach(
-    step: float,
-    double: bool,
-    velocities: FloatArray,
-    lower: FloatArray,
-    upper: FloatArray,
-    reach: FloatArray,
-) -> None:
-    """Fill reach (M,): an upper bound of the distance covered within the horizon."""
-    for i in range(reach.shape[0]):
-        size = lower.shape[1]
-        time = 0.5 * size * step
+def fill_reach(setting: Table, robots: Table) -> None:
+    """Fill an upper bound of the distance each robot covers within the horizon."""
+    time = setting.steps * setting.step
+    for i in range(robots.shape[0]):
+        robot = robots[i]
         most_x = most_y = 0.0
-        for at in range(0, size, 2):
-            most_x = max(most_x, abs(lower[i, at]), abs(upper[i, at]))
-            most_y = max(most_y, abs(lower[i, at + 1]), abs(upper[i, at + 1]))
-        if double:
-            most_x = abs(velocities[i, 0]) * time + 0.5 * time * time * most_x
-            most_y = abs(velocities[i, 1]) * time + 0.5 * time * time * most_y
+        for at in range(0, 2 * setting.steps, 2):
+            most_x = max(most_x, max(abs(robot.lower[at]), abs(robot.upper[at])))
+            most_y = max(most_y, max(abs(robot.lower[at + 1]), abs(robot.upper[at + 1])))
+        if setting.double:
+            most_x = abs(robot.velocity[0]) * time + 0.5 * time * time * most_x
+            most_y = abs(robot.velocity[1]) * time + 0.5 * time * time * most_y
         else:
             most_x *= time
             most_y *= time
-        reach[i] = hypot(most_x, most_y)
+        robot.reach = hypot(most_x, most_y)

@@ -94,6 +94,7 @@ def _movement(problem: Problem) -> Movement:
         field_upper=_fixed(problem.field_upper),
         field_weight=problem.field_weight,
         effort=problem.weights.control,
+        order=_fixed(problem.positions[:, 0].argsort(kind="stable"), np.int64),
     )
 
 
@@ -104,17 +105,11 @@ def _targets(problem: Problem) -> Targets:
         means=_fixed(problem.target_means),
         priors=_fixed(problem.target_priors),
         growth=_fixed(problem.target_growth),
-        sensor=_fixed(
-            np.array(
-                (
-                    sensor.range_peak,
-                    sensor.range_shape,
-                    sensor.bearing_peak,
-                    sensor.bearing_shape,
-                    TARGET_FLOOR_M * TARGET_FLOOR_M,
-                )
-            )
-        ),
+        range_peak=sensor.range_peak,
+        range_shape=sensor.range_shape,
+        bearing_peak=sensor.bearing_peak,
+        bearing_shape=sensor.bearing_shape,
+        floor=TARGET_FLOOR_M,
         weight=problem.weights.tracking,
         prior_least=PRIOR_LEAST,
         prior_greatest=PRIOR_GREATEST,

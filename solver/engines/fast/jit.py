@@ -23,3 +23,14 @@ def inlined(function: _Function) -> _Function:
     return cast(
         _Function, numba.njit(nogil=True, error_model="numpy", forceinline=True)(function)
     )
+
+
+def merged(function: _Function) -> _Function:
+    """Mark a function with one caller that becomes a part of it before any compiling.
+
+    Every function compiled on its own is optimised again with each of its callers, so layers
+    cost compiling time.
+    """
+    return cast(
+        _Function, numba.njit(nogil=True, error_model="numpy", inline="always")(function)
+    )

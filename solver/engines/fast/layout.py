@@ -1,233 +1,202 @@
-"""What the kernels hand to each other: arrays grouped by noun.
+"""What the kernels hand to each other: tables of records, one per noun.
 
-Indices: i, l robots (M); j targets (N); k steps (H); e edges of sparse lists, which are
-stored row by row: the entries of row i are `start[i]` to `start[i + 1]`. Symmetric 2x2
-matrices are three numbers. Frame ENU, metres, seconds.
+A record keeps together what is read together, and a table is one argument whatever its
+number of fields, which keeps calls cheap and compiling short. Lists are rows of flat index
+arrays: a robot's field `(first, last)` says which part of the list is its own. Horizons go
+to MAX_STEPS; the unknowns of a robot are ordered (step, axis). Symmetric 2x2 matrices are
+three numbers (xx, xy, yy). Frame ENU, metres, seconds.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
 
 from solver.arrays import FloatArray, IntArray
 
+MAX_STEPS = 10
+MAX_SIZE = 2 * MAX_STEPS
+CHAIN = 31
 
-class Motion(NamedTuple):
-    """How robots move, and their limits."""
+Table: TypeAlias = Any
+"""A structured array: its elements have the fields of one of the types below."""
 
-    step: float
-    double: bool
-    positions: FloatArray
-    """(M, 2) now."""
+_PER_STEP = (MAX_STEPS, 2)
+_VECTOR = (MAX_SIZE,)
+_MATRIX = (MAX_SIZE, MAX_SIZE)
 
-    velocities: FloatArray
-    """(M, 2) now."""
+SETTING = np.dtype(
+    [
+        ("steps", "i8"),
+        ("step", "f8"),  # seconds
+        ("double", "?"),  # double integrator
+        ("field", "f8", (4,)),  # lower x, lower y, upper x, upper y
+        ("field_weight", "f8"),
+        ("effort", "f8"),  # w2
+        ("tracking", "f8"),  # w1
+        ("range_peak", "f8"),
+        ("range_shape", "f8"),
+        ("bearing_peak", "f8"),
+        ("bearing_shape", "f8"),
+        ("floor", "f8"),  # squared floor of the distance to a target
+        ("distance", "f8"),  # separation wanted
+        ("separation", "f8"),  # its weight
+        ("smooth", "f8"),  # length that rounds the corners of zones and distances
+        ("blend", "f8"),  # length that blends the soft maximum over team mates
+    ],
+    align=True,
+)
 
-    lower: FloatArray
-    upper: FloatArray
-    """(M, 2H) hard box of the controls, that of the first step narrowed."""
+ROBOT = np.dtype(
+    [
+        ("position", "f8", (2,)),
+        ("velocity", "f8", (2,)),
+        ("reach", "f8"),  # how far it gets within the horizon
+        ("speed", "f8"),  # per-axis limit
+        ("lower", "f8", _VECTOR),  # hard box of the controls, narrowed for the first step
+        ("upper", "f8", _VECTOR),
+        ("plan", "f8", _VECTOR),  # controls as they stand
+        ("path", "f8", _PER_STEP),  # where they lead
+        ("sees", "i8", (2,)),  # rows of the lists named alike
+        ("keeps", "i8", (2,)),
+        ("jams", "i8", (2,)),
+        ("mates", "i8", (2,)),
+        ("rows", "i8", (2,)),
+        ("near", "i8", (2,)),
+        ("discs", "i8", (2,)),
+        ("stale", "?"),  # not converged, or its problem has changed since
+        ("probe", "?"),  # wants a probe start
+        ("replan", "?"),  # which takes the plan's place without hysteresis
+        ("taken", "i8"),  # Newton steps
+    ],
+    align=True,
+)
 
-    reach: FloatArray
-    """(M,) how far a robot can get from its position within the horizon, metres."""
+TARGET = np.dtype(
+    [
+        ("means", "f8", _PER_STEP),
+        ("prior", "f8", (3,)),  # eigenvalues clamped
+        ("growth", "f8", (MAX_STEPS, 3)),
+        ("watch", "i8", (2,)),  # row of the list of edges that see it
+    ],
+    align=True,
+)
 
-    speed: FloatArray
-    """(M,) per-axis speed limit."""
+EDGE = np.dtype(
+    [
+        ("robot", "i8"),
+        ("target", "i8"),
+        ("information", "f8", (MAX_STEPS, 3)),  # what the robot's plan contributes
+    ],
+    align=True,
+)
 
-    field: FloatArray
-    """(4,) lower x, lower y, upper x, upper y."""
+ZONE = np.dtype(
+    [
+        ("centre", "f8", (2,)),
+        ("covariance", "f8", (3,)),
+        ("margin", "f8"),  # metres, or factor on the spread of the team
+        ("quantile", "f8"),
+        ("weight", "f8"),  # of the squared hinge, severity included
+    ],
+    align=True,
+)
 
-    field_weight: float
-    effort: float
-    """w2."""
+JAM = np.dtype(
+    [
+        ("zone", "i8"),
+        ("clearance", "f8", (MAX_STEPS,)),  # of the robot's plan, spread not yet subtracted
+    ],
+    align=True,
+)
+
+ROW = np.dtype(
+    [
+        ("robot", "i8"),  # the team mate whose row it is
+        ("step", "i8"),
+        ("rest", "f8"),  # its largest distance to others
+        ("sum", "f8"),  # their exponentials relative to that
+    ],
+    align=True,
+)
+
+WORK = np.dtype(
+    [
+        ("u", "f8", _VECTOR),
+        ("trial", "f8", _VECTOR),
+        ("fresh", "f8", _VECTOR),
+        ("direction", "f8", _VECTOR),
+        ("gradient", "f8", _VECTOR),  # by controls
+        ("path", "f8", _PER_STEP),
+        ("speeds", "f8", _PER_STEP),
+        ("slope", "f8", _PER_STEP),  # gradient by positions
+        ("speed_slope", "f8", _PER_STEP),
+        ("speed_bend", "f8", _PER_STEP),  # first and second derivative by velocities
+        ("bend", "f8", _MATRIX),  # Hessian, by positions first, then by controls
+        ("factor", "f8", _MATRIX),
+        ("basis", "f8", _MATRIX),
+        ("vector", "f8", _VECTOR),
+        ("values", "f8", _VECTOR),
+        ("free", "i8", _VECTOR),
+        ("chain", "f8", (MAX_STEPS, CHAIN)),  # one target's covariances along the horizon
+        ("timespec", "i8", (2,)),
+    ],
+    align=True,
+)
 
 
-class Plans(NamedTuple):
-    """The plan of every robot as it stands."""
+class Team(NamedTuple):
+    """The whole problem, pruned, and the plans as they stand."""
 
-    controls: FloatArray
-    """(M, H, 2)."""
+    setting: Table
+    """(1,) SETTING."""
 
-    paths: FloatArray
-    """(M, H, 2) positions at steps 1..H."""
+    robots: Table
+    """(M,) ROBOT."""
 
+    targets: Table
+    """(N,) TARGET."""
 
-class Sight(NamedTuple):
-    """Who sees which target, and what is known of the targets."""
-
-    start: IntArray
-    """(M + 1,)."""
-
-    target: IntArray
-    """(E,) target of each edge."""
-
-    watch_start: IntArray
-    """(N + 1,)."""
+    edges: Table
+    """(E,) EDGE, row by row of the robots."""
 
     watch: IntArray
-    """(E,) the edges of each target."""
+    """(E,) edges, row by row of the targets."""
 
-    robot: IntArray
-    """(E,) robot of each edge."""
+    keep_zones: Table
+    """(K,) ZONE, sensing."""
 
-    information: FloatArray
-    """(E, H, 3) what each edge contributes now."""
+    keeps: IntArray
+    """Sensing zones a robot knows and could enter."""
 
-    means: FloatArray
-    """(H, N, 2)."""
+    jam_zones: Table
+    """(K,) ZONE, communication."""
 
-    priors: FloatArray
-    """(N, 3) eigenvalues clamped."""
+    jams: Table
+    """JAM: communication zones a robot knows and could be jammed by."""
 
-    growth: FloatArray
-    """(H, N, 2, 2)."""
+    mates: IntArray
+    """Team mates that can be the farthest from a robot that can be jammed."""
 
-    sensor: FloatArray
-    """(5,) range peak and shape, bearing peak and shape, squared floor of the distance."""
+    rows: IntArray
+    """The same list transposed: robots whose spread a robot can set."""
 
-    weight: float
-    """w1."""
+    near: IntArray
+    """Team mates that can come too near. Each pair stands in both rows."""
 
-
-class Zones(NamedTuple):
-    """Zones of one kind, and which of them each robot could enter within the horizon."""
-
-    start: IntArray
-    """(M + 1,)."""
-
-    zone: IntArray
-    """(E,) zone of each edge."""
-
-    centres: FloatArray
-    """(K, 2)."""
-
-    covariances: FloatArray
-    """(K, 2, 2)."""
-
-    margins: FloatArray
-    quantiles: FloatArray
-    weights: FloatArray
-    """(K,) weight of the squared hinge, severity included."""
-
-    clearance: FloatArray
-    """(E, H) clearance of the plan without the margin (communication only)."""
-
-
-class Mates(NamedTuple):
-    """Which team mates can be the farthest from a robot that can be jammed."""
-
-    start: IntArray
-    """(M + 1,)."""
-
-    mate: IntArray
-    """(E,)."""
-
-    row_start: IntArray
-    """(M + 1,)."""
-
-    row: IntArray
-    """(E,) robots l in whose list the robot stands."""
-
-
-class Pairs(NamedTuple):
-    """Who can come too near to whom."""
-
-    start: IntArray
-    """(M + 1,)."""
-
-    mate: IntArray
-    """(E,) each pair stands in both rows."""
-
-    obstacle_start: IntArray
-    """(M + 1,)."""
-
-    obstacle: IntArray
-    """(E,)."""
+    discs: IntArray
+    """Obstacles that can come too near."""
 
     obstacles: FloatArray
     """(K, 2)."""
 
-    distance: float
-    """Separation wanted, metres."""
-
-    weight: float
-
-
-class Smoothing(NamedTuple):
-    """Lengths that round the corners of the objective, metres."""
-
-    zone: float
-    mates: float
-
-
-class Scratch(NamedTuple):
-    """Work space for one robot's own problem, n = 2H unknowns ordered (step, axis)."""
-
-    u: FloatArray
-    trial: FloatArray
-    fresh: FloatArray
-    direction: FloatArray
-    gradient: FloatArray
-    """(n,) each; the gradient by controls."""
-
-    path: FloatArray
-    """(H, 2) positions of `u` or of `trial`, whichever was evaluated last."""
-
-    speeds: FloatArray
-    """(H, 2) velocities likewise."""
-
-    slope: FloatArray
-    """(H, 2) gradient by positions."""
-
-    speed_slope: FloatArray
-    speed_bend: FloatArray
-    """(H, 2) first and second derivatives by velocities."""
-
-    bend: FloatArray
-    """(n, n) Hessian, by positions first, then by controls."""
-
-    factor: FloatArray
-    """(n, n)."""
-
-    basis: FloatArray
-    """(n, n)."""
-
-    free: IntArray
-    """(n,)."""
-
-    vector: FloatArray
-    work: FloatArray
-    """(n,) each."""
-
-    chain: FloatArray
-    """(H, 31) one target's covariances along the horizon."""
+    work: Table
+    """(1,) WORK."""
 
     others: FloatArray
-    """(D, H, 3) information of the other robots on each of the robot's targets."""
+    """(D, H, 3) information of the others on each target of the robot at work."""
 
-    mate_terms: FloatArray
-    """(M, 4)."""
+    lengths: FloatArray
+    """(M,) distances, or weights, of one robot's mates."""
 
-    row_robot: IntArray
-    row_step: IntArray
-    """(R,) jamming rows of team mates in which the robot can matter."""
-
-    row_terms: FloatArray
-    """(R, 2) the largest distance to the other mates, and their sum of exponentials."""
-
-    timespec: IntArray
-
-
-class Team(NamedTuple):
-    """All of it."""
-
-    motion: Motion
-    plans: Plans
-    sight: Sight
-    keep: Zones
-    """Sensing zones."""
-
-    jam: Zones
-    """Communication zones."""
-
-    mates: Mates
-    pairs: Pairs
-    smooth: Smoothing
-    scratch: Scratch
+    binding: Table
+    """ROW: rows of the mates' that the robot at work can set."""

@@ -5,7 +5,7 @@ The first step's limits are hard and stand in the box of the controls instead.
 
 from solver.arrays import FloatArray
 from solver.engines.fast.jit import inlined, kernel
-from solver.engines.fast.layout import Motion
+from solver.engines.fast.layout import Team
 
 
 @inlined
@@ -17,48 +17,40 @@ def _excess(value: float, lower: float, upper: float) -> float:
 
 
 @kernel
-def limits_cost(
-    motion: Motion, i: int, u: FloatArray, path: FloatArray, speeds: FloatArray
-) -> float:
-    """Return effort and hinges of robot i for controls (2H,) and what they lead to."""
+def limits_cost(team: Team, i: int, u: FloatArray) -> float:
+    """Return effort and hinges of robot i for controls (2H,) and the path they lead to."""
+    setting, robot, work = team.setting[0], team.robots[i], team.work[0]
     total = 0.0
-    for at in range(u.shape[0]):
-        total += motion.effort * u[at] * u[at]
-    for k in range(1, path.shape[0]):
+    for k in range(setting.steps):
         for axis in range(2):
-            excess = _excess(path[k, axis], motion.field[axis], motion.field[2 + axis])
-            if motion.double:
-                over = _excess(speeds[k, axis], -motion.speed[i], motion.speed[i])
-                total += motion.field_weight * over * over
-            total += motion.field_weight * excess * excess
+            control = u[2 * k + axis]
+            total += setting.effort * control * control
+            if k == 0:
+                continue
+            excess = _excess(work.path[k, axis], setting.field[axis], setting.field[2 + axis])
+            total += setting.field_weight * excess * excess
+            if setting.double:
+                over = _excess(work.speeds[k, axis], -robot.speed, robot.speed)
+                total += setting.field_weight * over * over
     return total
 
 
 @kernel
-def add_limits(
-    motion: Motion,
-    i: int,
-    path: FloatArray,
-    speeds: FloatArray,
-    slope: FloatArray,
-    bend: FloatArray,
-    speed_slope: FloatArray,
-    speed_bend: FloatArray,
-) -> None:
+def add_limits(team: Team, i: int) -> None:
     """Add the derivatives of the hinges by the path; those by velocities are set."""
-    twice = 2.0 * motion.field_weight
-    for k in range(path.shape[0]):
+    setting, robot, work = team.setting[0], team.robots[i], team.work[0]
+    twice = 2.0 * setting.field_weight
+    for k in range(setting.steps):
         for axis in range(2):
-            speed_slope[k, axis] = 0.0
-            speed_bend[k, axis] = 0.0
+            work.speed_slope[k, axis] = work.speed_bend[k, axis] = 0.0
             if k == 0:
                 continue
-            excess = _excess(path[k, axis], motion.field[axis], motion.field[2 + axis])
+            excess = _excess(work.path[k, axis], setting.field[axis], setting.field[2 + axis])
             if excess != 0.0:
-                slope[k, axis] += twice * excess
-                bend[2 * k + axis, 2 * k + axis] += twice
-            if motion.double:
-                over = _excess(speeds[k, axis], -motion.speed[i], motion.speed[i])
+                work.slope[k, axis] += twice * excess
+                work.bend[2 * k + axis, 2 * k + axis] += twice
+            if setting.double:
+                over = _excess(work.speeds[k, axis], -robot.speed, robot.speed)
                 if over != 0.0:
-                    speed_slope[k, axis] = twice * over
-                    speed_bend[k, axis] = twice
+                    work.speed_slope[k, axis] = twice * over
+                    work.speed_bend[k, axis] = twice

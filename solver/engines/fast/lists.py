@@ -9,234 +9,244 @@ from math import exp, hypot, log, sqrt
 import numpy as np
 
 from solver.arrays import BoolArray, FloatArray, IntArray
-from solver.engines.fast.jit import kernel
-from solver.engines.fast.layout import Mates, Motion, Smoothing
+from solver.engines.fast.jit import kernel, merged
+from solver.engines.fast.layout import EDGE, JAM, Table
 from solver.engines.fast.spread import NEGLIGIBLE
 
 _NO_INFORMATION = 1e-11
 """Relative change of a target's covariance that is left out."""
 
 
-@kernel
-def transposed(entries: IntArray, rows: int) -> tuple[IntArray, IntArray]:
-    """Return start (rows + 1,) and the indices of the entries by their value, in order."""
-    start = np.zeros(rows + 1, np.int64)
-    for at in range(entries.shape[0]):
-        start[entries[at] + 1] += 1
-    for row in range(rows):
-        start[row + 1] += start[row]
-    fill = start[:-1].copy()
-    order = np.empty(entries.shape[0], np.int64)
-    for at in range(entries.shape[0]):
-        order[fill[entries[at]]] = at
-        fill[entries[at]] += 1
-    return start, order
+@merged
+def sight_edges(setting: Table, robots: Table, targets: Table, seen: IntArray) -> Table:
+    """Return the edges (E,) of the flat indices `seen` into (M, N); fill the rows `sees`."""
+    edges = np.empty(seen.shape[0], EDGE)
+    count, at = 0, 0
+    for i in range(robots.shape[0]):
+        robots[i].sees[0] = count
+        while at < seen.shape[0] and seen[at] < (i + 1) * targets.shape[0]:
+            j = seen[at] - i * targets.shape[0]
+            if _can_tell(setting, robots[i], targets[j]):
+                edges[count].robot = i
+                edges[count].target = j
+                count += 1
+            at += 1
+        robots[i].sees[1] = count
+    return edges[:count]
 
 
-@kernel
-def sight_edges(
-    motion: Motion,
-    seen: IntArray,
-    means: FloatArray,
-    priors: FloatArray,
-    growth: FloatArray,
-    sensor: FloatArray,
-) -> tuple[IntArray, IntArray, IntArray]:
-    """Return start (M + 1,), target (E,), robot (E,) of the flat indices `seen` into (M, N)."""
-    robots, targets = motion.positions.shape[0], priors.shape[0]
-    start = np.zeros(robots + 1, np.int64)
-    target = np.empty(seen.shape[0], np.int64)
-    robot = np.empty(seen.shape[0], np.int64)
-    count = 0
-    for at in range(seen.shape[0]):
-        i, j = seen[at] // targets, seen[at] % targets
-        if _can_tell(motion, i, j, means, priors, growth, sensor):
-            target[count] = j
-            robot[count] = i
-            start[i + 1] += 1
-            count += 1
-    for i in range(robots):
-        start[i + 1] += start[i]
-    return start, target[:count].copy(), robot[:count].copy()
-
-
-@kernel
-def _can_tell(
-    motion: Motion,
-    i: int,
-    j: int,
-    means: FloatArray,
-    priors: FloatArray,
-    growth: FloatArray,
-    sensor: FloatArray,
-) -> bool:
-    """Return whether robot i could learn anything of target j within the horizon."""
-    variance = priors[j, 0] + priors[j, 2]
+@merged
+def _can_tell(setting: Table, robot: Table, target: Table) -> bool:
+    """Return whether the robot could learn anything of the target within the horizon."""
+    variance = target.prior[0] + target.prior[2]
     nearest = np.inf
-    for k in range(means.shape[0]):
+    for k in range(setting.steps):
         if k > 0:
-            variance += growth[k, j, 0, 0] + growth[k, j, 1, 1]
-        dx = means[k, j, 0] - motion.positions[i, 0]
-        dy = means[k, j, 1] - motion.positions[i, 1]
-        nearest = min(nearest, sqrt(dx * dx + dy * dy))
-    nearest = max(nearest - motion.reach[i], 0.0)
-    squared = nearest * nearest + sensor[4]
-    most = sensor[0] * exp(-sensor[1] * nearest) + sensor[2] * exp(-sensor[3] * nearest) / squared
-    return most * variance > _NO_INFORMATION
-
-
-@kernel
-def zone_edges(
-    motion: Motion,
-    known: BoolArray,
-    centres: FloatArray,
-    covariances: FloatArray,
-    quantiles: FloatArray,
-    weights: FloatArray,
-    margins: FloatArray,
-    spread: FloatArray,
-    smoothing: float,
-) -> tuple[IntArray, IntArray]:
-    """Return start (M + 1,) and zone (E,) of the known zones that can bind.
-
-    `spread` (M,) multiplies the margin: one for sensing zones, the greatest possible distance
-    to a team mate for communication zones.
-    """
-    robots, zones = known.shape
-    start = np.zeros(robots + 1, np.int64)
-    zone = np.empty(robots * zones, np.int64)
-    count = 0
-    for i in range(robots):
-        for s in range(zones):
-            if not known[i, s] or not weights[s] > 0.0:
-                continue
-            xx, xy, yy = covariances[s, 0, 0], covariances[s, 0, 1], covariances[s, 1, 1]
-            widest = 0.5 * (xx + yy) + hypot(0.5 * (xx - yy), xy)
-            radius = max(quantiles[s], 0.0) * sqrt(max(widest, 0.0)) + margins[s] * spread[i]
-            distance = hypot(
-                centres[s, 0] - motion.positions[i, 0], centres[s, 1] - motion.positions[i, 1]
-            )
-            if distance < radius + motion.reach[i] + smoothing:
-                zone[count] = s
-                count += 1
-        start[i + 1] = count
-    return start, zone[:count].copy()
-
-
-@kernel
-def widest_spread(motion: Motion, known: BoolArray, smooth: Smoothing) -> FloatArray:
-    """Return (M,) an upper bound of the spread each robot can see within the horizon.
-
-    Robots that know no zone get zero: nothing asks for their bound.
-    """
-    robots = known.shape[0]
-    spread = np.zeros(robots)
-    for i in range(robots):
-        if robots == 1 or not known[i].any():
-            continue
-        for mate in range(robots):
-            if mate != i:
-                distance = hypot(
-                    motion.positions[i, 0] - motion.positions[mate, 0],
-                    motion.positions[i, 1] - motion.positions[mate, 1],
-                )
-                spread[i] = max(spread[i], distance + motion.reach[mate])
-        spread[i] += motion.reach[i] + smooth.mates * log(robots - 1.0)
-    return spread
-
-
-@kernel
-def mate_lists(motion: Motion, jam_start: IntArray, smooth: Smoothing) -> Mates:
-    """List, for each robot that can be jammed, the mates that can be its farthest."""
-    robots = motion.positions.shape[0]
-    start = np.zeros(robots + 1, np.int64)
-    least = np.zeros(robots)
-    for i in range(robots):
-        start[i + 1] = start[i]
-        if jam_start[i] == jam_start[i + 1]:
-            continue
-        for mate in range(robots):
-            if mate != i:
-                near, _ = _range(motion, i, mate)
-                least[i] = max(least[i], near)
-        least[i] -= NEGLIGIBLE * smooth.mates + smooth.zone
-        for mate in range(robots):
-            if mate != i and _range(motion, i, mate)[1] >= least[i]:
-                start[i + 1] += 1
-    mates = np.empty(start[robots], np.int64)
-    owners = np.empty(start[robots], np.int64)
-    count = 0
-    for i in range(robots):
-        if start[i] == start[i + 1]:
-            continue
-        for mate in range(robots):
-            if mate != i and _range(motion, i, mate)[1] >= least[i]:
-                mates[count] = mate
-                owners[count] = i
-                count += 1
-    row_start, order = transposed(mates, robots)
-    return Mates(start=start, mate=mates, row_start=row_start, row=owners[order])
-
-
-@kernel
-def _range(motion: Motion, i: int, mate: int) -> tuple[float, float]:
-    """Return the least and the greatest distance of two robots within the horizon."""
-    distance = hypot(
-        motion.positions[i, 0] - motion.positions[mate, 0],
-        motion.positions[i, 1] - motion.positions[mate, 1],
+            variance += target.growth[k, 0] + target.growth[k, 2]
+        nearest = min(
+            nearest,
+            hypot(
+                target.means[k, 0] - robot.position[0], target.means[k, 1] - robot.position[1]
+            ),
+        )
+    nearest = max(nearest - robot.reach, 0.0)
+    most = setting.range_peak * exp(-setting.range_shape * nearest)
+    most += (
+        setting.bearing_peak
+        * exp(-setting.bearing_shape * nearest)
+        / (nearest * nearest + setting.floor)
     )
-    reach = motion.reach[i] + motion.reach[mate]
-    return max(distance - reach, 0.0), distance + reach
+    return bool(most * variance > _NO_INFORMATION)
 
 
-@kernel
-def near_pairs(motion: Motion, distance: float, smoothing: float) -> tuple[IntArray, IntArray]:
-    """Return start (M + 1,) and mate (E,) of the pairs that can come nearer than `distance`.
-
-    Robots are swept in the order of x, so that far ones never meet. Each pair stands twice.
-    """
-    robots = motion.positions.shape[0]
-    order = np.argsort(motion.positions[:, 0])
-    farthest = 0.0
-    for i in range(robots):
-        farthest = max(farthest, motion.reach[i])
-    left = np.empty(4 * robots, np.int64)
-    right = np.empty(4 * robots, np.int64)
+@merged
+def watch_list(targets: Table, edges: Table) -> IntArray:
+    """Return the edges by target; fill the rows `watch`."""
+    for at in range(edges.shape[0]):
+        targets[edges[at].target].watch[1] += 1
     count = 0
-    for first in range(robots):
-        i = order[first]
-        for second in range(first + 1, robots):
-            mate = order[second]
-            dx = motion.positions[mate, 0] - motion.positions[i, 0]
-            if dx > distance + smoothing + motion.reach[i] + farthest:
-                break
-            dy = motion.positions[mate, 1] - motion.positions[i, 1]
-            if hypot(dx, dy) < distance + smoothing + motion.reach[i] + motion.reach[mate]:
-                if count + 2 > left.shape[0]:
-                    left = np.concatenate((left, np.empty_like(left)))
-                    right = np.concatenate((right, np.empty_like(right)))
-                left[count], right[count] = i, mate
-                left[count + 1], right[count + 1] = mate, i
-                count += 2
-    start, by_robot = transposed(left[:count], robots)
-    return start, right[:count][by_robot]
+    for j in range(targets.shape[0]):
+        size = targets[j].watch[1]
+        targets[j].watch[0] = targets[j].watch[1] = count
+        count += size
+    watch = np.empty(edges.shape[0], np.int64)
+    for at in range(edges.shape[0]):
+        target = targets[edges[at].target]
+        watch[target.watch[1]] = at
+        target.watch[1] += 1
+    return watch
 
 
 @kernel
-def near_obstacles(
-    motion: Motion, obstacles: FloatArray, distance: float, smoothing: float
-) -> tuple[IntArray, IntArray]:
-    """Return start (M + 1,) and obstacle (E,) of those that robots can come too near to."""
-    robots, count = motion.positions.shape[0], 0
-    start = np.zeros(robots + 1, np.int64)
-    obstacle = np.empty(robots * obstacles.shape[0], np.int64)
-    for i in range(robots):
+def _can_enter(setting: Table, robot: Table, zone: Table, spread: float) -> bool:
+    """Return whether the zone could bind; `spread` multiplies its margin."""
+    xx, xy, yy = zone.covariance[0], zone.covariance[1], zone.covariance[2]
+    widest = 0.5 * (xx + yy) + hypot(0.5 * (xx - yy), xy)
+    radius = max(zone.quantile, 0.0) * sqrt(max(widest, 0.0)) + zone.margin * spread
+    distance = hypot(zone.centre[0] - robot.position[0], zone.centre[1] - robot.position[1])
+    return bool(zone.weight > 0.0 and distance < radius + robot.reach + setting.smooth)
+
+
+@merged
+def keep_list(setting: Table, robots: Table, zones: Table, known: BoolArray) -> IntArray:
+    """Return the sensing zones that can bind; fill the rows `keeps`."""
+    keeps = np.empty(robots.shape[0] * zones.shape[0], np.int64)
+    count = 0
+    for i in range(robots.shape[0]):
+        robots[i].keeps[0] = count
+        for s in range(zones.shape[0]):
+            if known[i, s] and _can_enter(setting, robots[i], zones[s], 1.0):
+                keeps[count] = s
+                count += 1
+        robots[i].keeps[1] = count
+    return keeps[:count]
+
+
+@merged
+def jam_list(setting: Table, robots: Table, zones: Table, known: BoolArray) -> Table:
+    """Return the communication zones (JAM) that can bind; fill the rows `jams`."""
+    jams = np.empty(robots.shape[0] * zones.shape[0], JAM)
+    count = 0
+    for i in range(robots.shape[0]):
+        robots[i].jams[0] = count
+        spread = -1.0
+        for s in range(zones.shape[0]):
+            if known[i, s]:
+                if spread < 0.0:
+                    spread = _widest_spread(setting, robots, i)
+                if _can_enter(setting, robots[i], zones[s], spread):
+                    jams[count].zone = s
+                    count += 1
+        robots[i].jams[1] = count
+    return jams[:count]
+
+
+@merged
+def _widest_spread(setting: Table, robots: Table, i: int) -> float:
+    """Return an upper bound of the spread robot i can see within the horizon."""
+    farthest = 0.0
+    for mate in range(robots.shape[0]):
+        if mate != i:
+            farthest = max(farthest, _between(robots, i, mate) + robots[mate].reach)
+    if robots.shape[0] < 2:
+        return 0.0
+    return farthest + float(robots[i].reach) + setting.blend * log(robots.shape[0])
+
+
+@kernel
+def _between(robots: Table, i: int, mate: int) -> float:
+    """Return the distance of two robots now."""
+    return hypot(
+        robots[i].position[0] - robots[mate].position[0],
+        robots[i].position[1] - robots[mate].position[1],
+    )
+
+
+@merged
+def mate_list(setting: Table, robots: Table) -> IntArray:
+    """Return, for robots that can be jammed, the mates that can be their farthest.
+
+    Fills the rows `mates`.
+    """
+    count = robots.shape[0]
+    jammed = 0
+    for i in range(count):
+        jammed += robots[i].jams[1] > robots[i].jams[0]
+    mates = np.empty(jammed * count, np.int64)
+    total = 0
+    for i in range(count):
+        robots[i].mates[0] = total
+        if robots[i].jams[1] > robots[i].jams[0]:
+            least = 0.0
+            for mate in range(count):
+                if mate != i:
+                    reach = robots[i].reach + robots[mate].reach
+                    least = max(least, _between(robots, i, mate) - reach)
+            least -= NEGLIGIBLE * setting.blend + setting.smooth
+            for mate in range(count):
+                reach = robots[i].reach + robots[mate].reach
+                if mate != i and _between(robots, i, mate) + reach >= least:
+                    mates[total] = mate
+                    total += 1
+        robots[i].mates[1] = total
+    return mates[:total]
+
+
+@merged
+def row_list(robots: Table, mates: IntArray) -> IntArray:
+    """Return the list of mates transposed; fill the rows `rows`."""
+    for at in range(mates.shape[0]):
+        robots[mates[at]].rows[1] += 1
+    total = 0
+    for i in range(robots.shape[0]):
+        size = robots[i].rows[1]
+        robots[i].rows[0] = robots[i].rows[1] = total
+        total += size
+    rows = np.empty(total, np.int64)
+    for i in range(robots.shape[0]):
+        for at in range(robots[i].mates[0], robots[i].mates[1]):
+            mate = robots[mates[at]]
+            rows[mate.rows[1]] = i
+            mate.rows[1] += 1
+    return rows
+
+
+@merged
+def near_list(setting: Table, robots: Table, order: IntArray) -> IntArray:
+    """Return the mates that can come too near; fill the rows `near`.
+
+    `order` (M,) sorts the robots by x, so that far ones never meet.
+    """
+    total = _near_pairs(setting, robots, order, np.empty(0, np.int64))
+    count = 0
+    for i in range(robots.shape[0]):
+        size = robots[i].near[1]
+        robots[i].near[0] = robots[i].near[1] = count
+        count += size
+    near = np.empty(total, np.int64)
+    _near_pairs(setting, robots, order, near)
+    return near
+
+
+@kernel
+def _near_pairs(setting: Table, robots: Table, order: IntArray, near: IntArray) -> int:
+    """Move the ends of the rows `near` by each pair found; store it if `near` has room."""
+    farthest = 0.0
+    for i in range(robots.shape[0]):
+        farthest = max(farthest, robots[i].reach)
+    limit = setting.distance + setting.smooth
+    total = 0
+    for first in range(order.shape[0]):
+        robot = robots[order[first]]
+        for second in range(first + 1, order.shape[0]):
+            mate = robots[order[second]]
+            if mate.position[0] - robot.position[0] > limit + robot.reach + farthest:
+                break
+            distance = _between(robots, order[first], order[second])
+            if distance < limit + robot.reach + mate.reach:
+                if near.shape[0] > 0:
+                    near[robot.near[1]] = order[second]
+                    near[mate.near[1]] = order[first]
+                robot.near[1] += 1
+                mate.near[1] += 1
+                total += 2
+    return total
+
+
+@merged
+def disc_list(setting: Table, robots: Table, obstacles: FloatArray) -> IntArray:
+    """Return the obstacles that robots can come too near to; fill the rows `discs`."""
+    discs = np.empty(robots.shape[0] * obstacles.shape[0], np.int64)
+    count = 0
+    for i in range(robots.shape[0]):
+        robot = robots[i]
+        robot.discs[0] = count
         for at in range(obstacles.shape[0]):
             gap = hypot(
-                motion.positions[i, 0] - obstacles[at, 0], motion.positions[i, 1] - obstacles[at, 1]
+                obstacles[at, 0] - robot.position[0], obstacles[at, 1] - robot.position[1]
             )
-            if gap < distance + smoothing + motion.reach[i]:
-                obstacle[count] = at
+            if gap < setting.distance + setting.smooth + robot.reach:
+                discs[count] = at
                 count += 1
-        start[i + 1] = count
-    return start, obstacle[:count].copy()
+        robot.discs[1] = count
+    return discs[:count]

@@ -9,7 +9,7 @@ would tremble between equals.
 
 from solver.arrays import FloatArray
 from solver.engines.fast.jit import kernel
-from solver.engines.fast.layout import Motion, Team
+from solver.engines.fast.layout import Team
 from solver.engines.fast.newton import descend
 from solver.engines.fast.robot import cost
 
@@ -17,14 +17,17 @@ HYSTERESIS = 1e-4
 """Relative gain below which the plan stays as it is."""
 
 _DIRECTIONS = 9
+_STEPS = 8
+"""Newton steps per probe."""
 
 
 @kernel
-def _constant_plan(motion: Motion, i: int, direction: int, u: FloatArray) -> None:
+def _constant_plan(team: Team, i: int, direction: int, u: FloatArray) -> None:
     """Fill u (2H,) with one of nine constant plans: rest, or a corner or side of the box."""
-    for at in range(u.shape[0]):
+    robot = team.robots[i]
+    for at in range(2 * team.setting[0].steps):
         sign = (direction // 3 if at % 2 == 0 else direction % 3) - 1
-        lower, upper = motion.lower[i, at], motion.upper[i, at]
+        lower, upper = robot.lower[at], robot.upper[at]
         if sign == 0:
             u[at] = min(max(0.0, lower), upper)
         else:
@@ -32,24 +35,24 @@ def _constant_plan(motion: Motion, i: int, direction: int, u: FloatArray) -> Non
 
 
 @kernel
-def probe(
-    team: Team, i: int, rows: int, value: float, margin: float, most: int, deadline: float
-) -> tuple[float, int]:
-    """Try a fresh start for robot i, whose plan costs `value` and stands in scratch.u.
+def probe(team: Team, i: int, rows: int, value: float, deadline: float) -> tuple[float, int]:
+    """Try a fresh start for robot i, whose plan costs `value` and stands in work.u.
 
-    Where the fresh start ends lower by `margin` (relative), it takes the plan's place.
-    Returns the cost of the plan then in scratch.u, and the Newton steps taken.
+    Where the fresh start ends lower (by the hysteresis, unless it is to be replanned), it
+    takes the plan's place. Returns the cost of the plan then in work.u, and the Newton steps.
     """
-    u, fresh, best = team.scratch.u, team.scratch.fresh, value
-    chosen = -1
+    work, robot = team.work[0], team.robots[i]
+    chosen, least = 0, 0.0
     for direction in range(_DIRECTIONS):
-        _constant_plan(team.motion, i, direction, fresh)
-        reached = cost(team, i, rows, fresh)
-        if chosen < 0 or reached < best:
-            best, chosen = reached, direction
-    _constant_plan(team.motion, i, chosen, fresh)
-    _, reached, steps, _ = descend(team, i, rows, fresh, most, deadline)
+        _constant_plan(team, i, direction, work.fresh)
+        reached = cost(team, i, rows, work.fresh)
+        if direction == 0 or reached < least:
+            chosen, least = direction, reached
+    _constant_plan(team, i, chosen, work.fresh)
+    _, reached, steps, _ = descend(team, i, rows, work.fresh, _STEPS, deadline)
+    margin = 0.0 if robot.replan else HYSTERESIS
     if reached < value - margin * abs(value):
-        u[:] = fresh
+        for at in range(2 * team.setting[0].steps):
+            work.u[at] = work.fresh[at]
         return reached, steps
     return value, steps

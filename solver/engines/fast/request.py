@@ -36,6 +36,9 @@ class Movement(NamedTuple):
     effort: float
     """w2."""
 
+    order: IntArray
+    """(M,) the robots sorted by x."""
+
 
 class Targets(NamedTuple):
     """What is to be seen, and by whom."""
@@ -52,8 +55,12 @@ class Targets(NamedTuple):
     growth: FloatArray
     """(H, N, 2, 2)."""
 
-    sensor: FloatArray
-    """(5,) range peak and shape, bearing peak and shape, squared floor of the distance."""
+    range_peak: float
+    range_shape: float
+    bearing_peak: float
+    bearing_shape: float
+    floor: float
+    """Added in square to the squared distance to a target, metres."""
 
     weight: float
     """w1."""
@@ -137,6 +144,7 @@ def signature() -> Any:
         field_upper=vector,
         field_weight=number,
         effort=number,
+        order=_array(whole, 1),
     )
     targets = _tuple(
         Targets,
@@ -144,7 +152,11 @@ def signature() -> Any:
         means=stack,
         priors=stack,
         growth=_array(number, 4),
-        sensor=vector,
+        range_peak=number,
+        range_shape=number,
+        bearing_peak=number,
+        bearing_shape=number,
+        floor=number,
         weight=number,
         prior_least=number,
         prior_greatest=number,

@@ -2,102 +2,75 @@
 
 from math import sqrt
 
-from solver.arrays import FloatArray
+from solver.engines.fast.hinges import add_hinge
 from solver.engines.fast.jit import inlined, kernel
-from solver.engines.fast.layout import Pairs, Plans
-from solver.engines.fast.zones import add_hinge
+from solver.engines.fast.layout import Table, Team
 
 
 @inlined
-def apart(dx: float, dy: float, smoothing: float) -> float:
+def apart(dx: float, dy: float, smooth: float) -> float:
     """Return the smoothed length of (dx, dy)."""
-    return sqrt(dx * dx + dy * dy + smoothing * smoothing) - smoothing
+    return sqrt(dx * dx + dy * dy + smooth * smooth) - smooth
 
 
 @kernel
-def pairs_cost(pairs: Pairs, plans: Plans, i: int, path: FloatArray, smoothing: float) -> float:
-    """Return the weighted squared hinges between robot i on `path` (H, 2) and its mates."""
+def pairs_cost(team: Team, i: int) -> float:
+    """Return the weighted squared hinges between robot i on work.path and its mates."""
+    setting, robot, path = team.setting[0], team.robots[i], team.work[0].path
     total = 0.0
-    for edge in range(pairs.start[i], pairs.start[i + 1]):
-        mate = pairs.mate[edge]
-        for k in range(path.shape[0]):
-            gap = pairs.distance - apart(
-                path[k, 0] - plans.paths[mate, k, 0],
-                path[k, 1] - plans.paths[mate, k, 1],
-                smoothing,
+    for entry in range(robot.near[0], robot.near[1]):
+        mate = team.robots[team.near[entry]].path
+        for k in range(setting.steps):
+            gap = setting.distance - apart(
+                path[k, 0] - mate[k, 0], path[k, 1] - mate[k, 1], setting.smooth
             )
             if gap > 0.0:
-                total += pairs.weight * gap * gap
+                total += setting.separation * gap * gap
     return total
 
 
 @kernel
-def obstacles_cost(pairs: Pairs, i: int, path: FloatArray, smoothing: float) -> float:
-    """Return the weighted squared hinges between robot i on `path` (H, 2) and obstacles."""
+def discs_cost(team: Team, i: int) -> float:
+    """Return the weighted squared hinges between robot i on work.path and obstacles."""
+    setting, robot, path = team.setting[0], team.robots[i], team.work[0].path
     total = 0.0
-    for edge in range(pairs.obstacle_start[i], pairs.obstacle_start[i + 1]):
-        at = pairs.obstacle[edge]
-        for k in range(path.shape[0]):
-            gap = pairs.distance - apart(
-                path[k, 0] - pairs.obstacles[at, 0], path[k, 1] - pairs.obstacles[at, 1], smoothing
+    for entry in range(robot.discs[0], robot.discs[1]):
+        at = team.discs[entry]
+        for k in range(setting.steps):
+            gap = setting.distance - apart(
+                path[k, 0] - team.obstacles[at, 0],
+                path[k, 1] - team.obstacles[at, 1],
+                setting.smooth,
             )
             if gap > 0.0:
-                total += pairs.weight * gap * gap
+                total += setting.separation * gap * gap
     return total
 
 
 @kernel
-def add_separation(
-    pairs: Pairs,
-    plans: Plans,
-    i: int,
-    path: FloatArray,
-    smoothing: float,
-    slope: FloatArray,
-    bend: FloatArray,
-) -> float:
+def add_separation(team: Team, i: int) -> float:
     """Add the derivatives of both by the path, return their sum."""
+    setting, robot, work = team.setting[0], team.robots[i], team.work[0]
+    path = work.path
     total = 0.0
-    for edge in range(pairs.start[i], pairs.start[i + 1]):
-        mate = pairs.mate[edge]
-        for k in range(path.shape[0]):
-            dx = path[k, 0] - plans.paths[mate, k, 0]
-            dy = path[k, 1] - plans.paths[mate, k, 1]
-            total += _add_one(pairs, dx, dy, smoothing, k, slope, bend)
-    for edge in range(pairs.obstacle_start[i], pairs.obstacle_start[i + 1]):
-        at = pairs.obstacle[edge]
-        for k in range(path.shape[0]):
-            dx = path[k, 0] - pairs.obstacles[at, 0]
-            dy = path[k, 1] - pairs.obstacles[at, 1]
-            total += _add_one(pairs, dx, dy, smoothing, k, slope, bend)
+    for entry in range(robot.near[0], robot.near[1]):
+        mate = team.robots[team.near[entry]].path
+        for k in range(setting.steps):
+            total += _add_one(setting, work, k, path[k, 0] - mate[k, 0], path[k, 1] - mate[k, 1])
+    for entry in range(robot.discs[0], robot.discs[1]):
+        x, y = team.obstacles[team.discs[entry], 0], team.obstacles[team.discs[entry], 1]
+        for k in range(setting.steps):
+            total += _add_one(setting, work, k, path[k, 0] - x, path[k, 1] - y)
     return total
 
 
-@inlined
-def _add_one(
-    pairs: Pairs,
-    dx: float,
-    dy: float,
-    smoothing: float,
-    k: int,
-    slope: FloatArray,
-    bend: FloatArray,
-) -> float:
-    length = sqrt(dx * dx + dy * dy + smoothing * smoothing)
-    gap = length - smoothing - pairs.distance
+@kernel
+def _add_one(setting: Table, work: Table, k: int, dx: float, dy: float) -> float:
+    length = sqrt(dx * dx + dy * dy + setting.smooth * setting.smooth)
+    gap = length - setting.smooth - setting.distance
     if gap >= 0.0:
         return 0.0
     gx, gy = dx / length, dy / length
-    add_hinge(
-        2.0 * pairs.weight,
-        gap,
-        gx,
-        gy,
-        (1.0 - gx * gx) / length,
-        -gx * gy / length,
-        (1.0 - gy * gy) / length,
-        k,
-        slope,
-        bend,
-    )
-    return pairs.weight * gap * gap
+    xx, xy, yy = (1.0 - gx * gx) / length, -gx * gy / length, (1.0 - gy * gy) / length
+    add_hinge(work, k, 2.0 * setting.separation, gap, gx, gy, xx, xy, yy)
+    return float(setting.separation * gap * gap)

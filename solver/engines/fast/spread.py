@@ -8,143 +8,131 @@ would not descend the team's objective.
 
 from math import exp, log
 
-from solver.arrays import FloatArray
-from solver.engines.fast.jit import inlined, kernel
-from solver.engines.fast.layout import Mates, Motion, Plans, Scratch, Smoothing, Zones
+from solver.engines.fast.hinges import add_hinge
+from solver.engines.fast.jit import kernel
+from solver.engines.fast.layout import Team
 from solver.engines.fast.separation import apart
-from solver.engines.fast.zones import add_hinge, clearance, clearance_derivatives
+from solver.engines.fast.zones import clearance, clearance_derivatives
 
 NEGLIGIBLE = 36.0
 """exp(-36) = 2e-16: mates nearer than the farthest by this many tau do not matter."""
 
 
-@inlined
-def _distances(
-    mates: Mates, plans: Plans, i: int, k: int, x: float, y: float, e: float, terms: FloatArray
-) -> float:
-    """Fill terms[:, 0] with the distances of robot i's mates at step k, return the largest."""
+@kernel
+def measure(team: Team, i: int, k: int, x: float, y: float, skipped: int) -> float:
+    """Fill team.lengths with the distances of robot i's mates from (x, y) at step k.
+
+    The mate `skipped` is left out. Returns the largest.
+    """
+    robot, smooth = team.robots[i], team.setting[0].smooth
     farthest = 0.0
-    for edge in range(mates.start[i], mates.start[i + 1]):
-        mate = mates.mate[edge]
-        length = apart(x - plans.paths[mate, k, 0], y - plans.paths[mate, k, 1], e)
-        terms[edge - mates.start[i], 0] = length
-        farthest = max(farthest, length)
+    at = 0
+    for entry in range(robot.mates[0], robot.mates[1]):
+        mate = team.mates[entry]
+        if mate != skipped:
+            path = team.robots[mate].path
+            length = apart(x - path[k, 0], y - path[k, 1], smooth)
+            team.lengths[at] = length
+            farthest = max(farthest, length)
+            at += 1
     return farthest
 
 
 @kernel
-def _soft_maximum(terms: FloatArray, count: int, farthest: float, tau: float) -> float:
-    """Replace the distances in terms[:count, 0] by their weights, return the soft maximum."""
+def weigh(team: Team, count: int, farthest: float) -> float:
+    """Replace `count` lengths by their exponentials relative to the farthest; return the sum."""
+    blend = team.setting[0].blend
     total = 0.0
     for at in range(count):
-        power = (terms[at, 0] - farthest) / tau
-        terms[at, 0] = exp(power) if power > -NEGLIGIBLE else 0.0
-        total += terms[at, 0]
-    for at in range(count):
-        terms[at, 0] /= total
-    return farthest + tau * log(total)
-
-
-@kernel
-def jamming_cost(
-    zones: Zones,
-    mates: Mates,
-    plans: Plans,
-    i: int,
-    path: FloatArray,
-    smooth: Smoothing,
-    terms: FloatArray,
-) -> float:
-    """Return the weighted squared hinges of robot i's own communication zones."""
-    total = 0.0
-    first, last = zones.start[i], zones.start[i + 1]
-    count = mates.start[i + 1] - mates.start[i]
-    if first == last:
-        return total
-    for k in range(path.shape[0]):
-        x, y = path[k, 0], path[k, 1]
-        farthest = _distances(mates, plans, i, k, x, y, smooth.zone, terms)
-        spread = -1.0
-        for edge in range(first, last):
-            c = zones.zone[edge]
-            gap = clearance(zones, c, x, y, smooth.zone)
-            margin = zones.margins[c]
-            if count > 0 and gap < margin * (farthest + smooth.mates * log(count)):
-                if spread < 0.0:
-                    spread = _soft_maximum(terms, count, farthest, smooth.mates)
-                gap -= margin * spread
-            if gap < 0.0:
-                total += zones.weights[c] * gap * gap
+        power = (team.lengths[at] - farthest) / blend
+        team.lengths[at] = exp(power) if power > -NEGLIGIBLE else 0.0
+        total += team.lengths[at]
     return total
 
 
 @kernel
-def add_jamming(
-    zones: Zones,
-    mates: Mates,
-    plans: Plans,
-    i: int,
-    path: FloatArray,
-    smooth: Smoothing,
-    terms: FloatArray,
-    slope: FloatArray,
-    bend: FloatArray,
-) -> float:
-    """Add the derivatives of the same by the path, return it."""
+def jamming_cost(team: Team, i: int) -> float:
+    """Return the weighted squared hinges of robot i's own communication zones."""
+    setting, robot, path = team.setting[0], team.robots[i], team.work[0].path
     total = 0.0
-    first, last = zones.start[i], zones.start[i + 1]
-    count = mates.start[i + 1] - mates.start[i]
+    first, last = robot.jams[0], robot.jams[1]
+    count = robot.mates[1] - robot.mates[0]
     if first == last:
         return total
-    for k in range(path.shape[0]):
+    for k in range(setting.steps):
         x, y = path[k, 0], path[k, 1]
-        farthest = _distances(mates, plans, i, k, x, y, smooth.zone, terms)
+        farthest = measure(team, i, k, x, y, -1)
+        most = farthest + setting.blend * log(count) if count > 0 else 0.0
+        spread = -1.0
+        for entry in range(first, last):
+            zone = team.jam_zones[team.jams[entry].zone]
+            gap = clearance(zone, x, y, setting.smooth)
+            if gap >= zone.margin * most:
+                continue
+            if spread < 0.0:
+                spread = 0.0
+                if count > 0:
+                    spread = farthest + setting.blend * log(weigh(team, count, farthest))
+            gap -= zone.margin * spread
+            if gap < 0.0:
+                total += zone.weight * gap * gap
+    return total
+
+
+@kernel
+def add_jamming(team: Team, i: int) -> float:
+    """Add the derivatives of the same by the path, return it."""
+    setting, robot, work = team.setting[0], team.robots[i], team.work[0]
+    total = 0.0
+    first, last = robot.jams[0], robot.jams[1]
+    count = robot.mates[1] - robot.mates[0]
+    if first == last:
+        return total
+    for k in range(setting.steps):
+        x, y = work.path[k, 0], work.path[k, 1]
+        farthest = measure(team, i, k, x, y, -1)
+        most = farthest + setting.blend * log(count) if count > 0 else 0.0
         spread = -1.0
         sx = sy = sxx = sxy = syy = 0.0
-        for edge in range(first, last):
-            c = zones.zone[edge]
-            margin = zones.margins[c]
-            gap, gx, gy, xx, xy, yy = clearance_derivatives(zones, c, x, y, smooth.zone)
-            if count > 0 and gap < margin * (farthest + smooth.mates * log(count)):
-                if spread < 0.0:
-                    spread = _soft_maximum(terms, count, farthest, smooth.mates)
-                    sx, sy, sxx, sxy, syy = _spread_derivatives(
-                        mates, plans, i, k, x, y, smooth, terms
-                    )
-                gap -= margin * spread
+        for entry in range(first, last):
+            zone = team.jam_zones[team.jams[entry].zone]
+            gap, gx, gy, xx, xy, yy = clearance_derivatives(zone, x, y, setting.smooth)
+            margin = zone.margin
+            if gap >= margin * most:
+                continue
+            if spread < 0.0:
+                spread = 0.0
+                if count > 0:
+                    weight = weigh(team, count, farthest)
+                    spread = farthest + setting.blend * log(weight)
+                    sx, sy, sxx, sxy, syy = _spread_derivatives(team, i, k, x, y, weight)
+            gap -= margin * spread
+            if gap < 0.0:
+                total += zone.weight * gap * gap
                 gx -= margin * sx
                 gy -= margin * sy
                 xx -= margin * sxx
                 xy -= margin * sxy
                 yy -= margin * syy
-            if gap < 0.0:
-                total += zones.weights[c] * gap * gap
-                add_hinge(2.0 * zones.weights[c], gap, gx, gy, xx, xy, yy, k, slope, bend)
+                add_hinge(work, k, 2.0 * zone.weight, gap, gx, gy, xx, xy, yy)
     return total
 
 
-@inlined
+@kernel
 def _spread_derivatives(
-    mates: Mates,
-    plans: Plans,
-    i: int,
-    k: int,
-    x: float,
-    y: float,
-    smooth: Smoothing,
-    terms: FloatArray,
+    team: Team, i: int, k: int, x: float, y: float, total: float
 ) -> tuple[float, float, float, float, float]:
-    """Return gradient and Hessian (xx, xy, yy) of the soft maximum with weights terms[:, 0]."""
+    """Return gradient and Hessian (xx, xy, yy) of the soft maximum weighed in team.lengths."""
+    setting, robot = team.setting[0], team.robots[i]
     gx = gy = xx = xy = yy = 0.0
-    sharp = 1.0 / smooth.mates
-    for edge in range(mates.start[i], mates.start[i + 1]):
-        weight = terms[edge - mates.start[i], 0]
+    sharp = 1.0 / setting.blend
+    for entry in range(robot.mates[0], robot.mates[1]):
+        weight = team.lengths[entry - robot.mates[0]] / total
         if weight == 0.0:
             continue
-        mate = mates.mate[edge]
-        dx = x - plans.paths[mate, k, 0]
-        dy = y - plans.paths[mate, k, 1]
-        length = apart(dx, dy, smooth.zone) + smooth.zone
+        path = team.robots[team.mates[entry]].path
+        dx, dy = x - path[k, 0], y - path[k, 1]
+        length = apart(dx, dy, setting.smooth) + setting.smooth
         dx /= length
         dy /= length
         gx += weight * dx
@@ -156,169 +144,11 @@ def _spread_derivatives(
 
 
 @kernel
-def refresh_clearance(zones: Zones, plans: Plans, i: int, smooth: Smoothing) -> None:
+def refresh_clearance(team: Team, i: int) -> None:
     """Keep the clearances of robot i's plan that its mates' problems read."""
-    for edge in range(zones.start[i], zones.start[i + 1]):
-        c = zones.zone[edge]
-        for k in range(plans.paths.shape[1]):
-            zones.clearance[edge, k] = clearance(
-                zones, c, plans.paths[i, k, 0], plans.paths[i, k, 1], smooth.zone
-            )
-
-
-@kernel
-def gather_rows(
-    zones: Zones,
-    mates: Mates,
-    plans: Plans,
-    motion: Motion,
-    i: int,
-    smooth: Smoothing,
-    scratch: Scratch,
-) -> int:
-    """List the mates' jamming rows (l, k) that robot i can change, return how many.
-
-    The rest of each row's soft maximum is computed once, from the other mates themselves:
-    taking robot i's share out of a stored sum would cancel where it is the farthest.
-    """
-    count = 0
-    for entry in range(mates.row_start[i], mates.row_start[i + 1]):
-        mate = mates.row[entry]
-        size = mates.start[mate + 1] - mates.start[mate]
-        slack = smooth.mates * log(size)
-        for k in range(plans.paths.shape[1]):
-            near = apart(
-                plans.paths[mate, k, 0] - motion.positions[i, 0],
-                plans.paths[mate, k, 1] - motion.positions[i, 1],
-                smooth.zone,
-            )
-            most = near + motion.reach[i] + smooth.zone
-            rest = _rest(mates, plans, mate, i, k, smooth, scratch)
-            if most < rest - NEGLIGIBLE * smooth.mates:
-                continue
-            if not _can_bind(zones, mate, k, max(most, rest) + slack):
-                continue
-            scratch.row_robot[count] = mate
-            scratch.row_step[count] = k
-            scratch.row_terms[count, 0] = rest
-            scratch.row_terms[count, 1] = _rest_sum(size - 1, rest, smooth.mates, scratch)
-            count += 1
-    return count
-
-
-@inlined
-def _rest(
-    mates: Mates, plans: Plans, mate: int, i: int, k: int, smooth: Smoothing, scratch: Scratch
-) -> float:
-    """Return the mate's largest distance to others than robot i; fill mate_terms[:, 1]."""
-    x, y = plans.paths[mate, k, 0], plans.paths[mate, k, 1]
-    farthest = 0.0
-    at = 0
-    for edge in range(mates.start[mate], mates.start[mate + 1]):
-        other = mates.mate[edge]
-        if other != i:
-            length = apart(x - plans.paths[other, k, 0], y - plans.paths[other, k, 1], smooth.zone)
-            scratch.mate_terms[at, 1] = length
-            farthest = max(farthest, length)
-            at += 1
-    return farthest
-
-
-@inlined
-def _rest_sum(count: int, rest: float, tau: float, scratch: Scratch) -> float:
-    total = 0.0
-    for at in range(count):
-        power = (scratch.mate_terms[at, 1] - rest) / tau
-        if power > -NEGLIGIBLE:
-            total += exp(power)
-    return total
-
-
-@inlined
-def _can_bind(zones: Zones, mate: int, k: int, spread: float) -> bool:
-    """Return whether any of the mate's zones binds at step k for this spread."""
-    for edge in range(zones.start[mate], zones.start[mate + 1]):
-        if zones.clearance[edge, k] < zones.margins[zones.zone[edge]] * spread:
-            return True
-    return False
-
-
-@inlined
-def _row_spread(rest: float, rest_sum: float, length: float, tau: float) -> tuple[float, float]:
-    """Return the mate's soft maximum and robot i's weight in it."""
-    if rest_sum == 0.0:
-        return length, 1.0
-    farthest = max(rest, length)
-    mine = exp((length - farthest) / tau)
-    total = rest_sum * exp((rest - farthest) / tau) + mine
-    return farthest + tau * log(total), mine / total
-
-
-@kernel
-def rows_cost(
-    zones: Zones, plans: Plans, count: int, path: FloatArray, smooth: Smoothing, scratch: Scratch
-) -> float:
-    """Return the weighted squared hinges of the mates' rows in the list."""
-    total = 0.0
-    for row in range(count):
-        mate, k = scratch.row_robot[row], scratch.row_step[row]
-        length = apart(
-            path[k, 0] - plans.paths[mate, k, 0], path[k, 1] - plans.paths[mate, k, 1], smooth.zone
-        )
-        spread, _ = _row_spread(
-            scratch.row_terms[row, 0], scratch.row_terms[row, 1], length, smooth.mates
-        )
-        for edge in range(zones.start[mate], zones.start[mate + 1]):
-            c = zones.zone[edge]
-            gap = zones.clearance[edge, k] - zones.margins[c] * spread
-            if gap < 0.0:
-                total += zones.weights[c] * gap * gap
-    return total
-
-
-@kernel
-def add_rows(
-    zones: Zones,
-    plans: Plans,
-    count: int,
-    path: FloatArray,
-    smooth: Smoothing,
-    scratch: Scratch,
-) -> float:
-    """Add the derivatives of the same by robot i's path, return it."""
-    total = 0.0
-    sharp = 1.0 / smooth.mates
-    for row in range(count):
-        mate, k = scratch.row_robot[row], scratch.row_step[row]
-        dx = path[k, 0] - plans.paths[mate, k, 0]
-        dy = path[k, 1] - plans.paths[mate, k, 1]
-        length = apart(dx, dy, smooth.zone) + smooth.zone
-        dx /= length
-        dy /= length
-        spread, share = _row_spread(
-            scratch.row_terms[row, 0],
-            scratch.row_terms[row, 1],
-            length - smooth.zone,
-            smooth.mates,
-        )
-        along = share * (1.0 - share) * sharp
-        across = share / length
-        for edge in range(zones.start[mate], zones.start[mate + 1]):
-            c = zones.zone[edge]
-            margin = zones.margins[c]
-            gap = zones.clearance[edge, k] - margin * spread
-            if gap < 0.0:
-                total += zones.weights[c] * gap * gap
-                add_hinge(
-                    2.0 * zones.weights[c],
-                    gap,
-                    -margin * share * dx,
-                    -margin * share * dy,
-                    -margin * (across * (1.0 - dx * dx) + along * dx * dx),
-                    -margin * (along - across) * dx * dy,
-                    -margin * (across * (1.0 - dy * dy) + along * dy * dy),
-                    k,
-                    scratch.slope,
-                    scratch.bend,
-                )
-    return total
+    setting, robot = team.setting[0], team.robots[i]
+    for entry in range(robot.jams[0], robot.jams[1]):
+        jam = team.jams[entry]
+        zone = team.jam_zones[jam.zone]
+        for k in range(setting.steps):
+            jam.clearance[k] = clearance(zone, robot.path[k, 0], robot.path[k, 1], setting.smooth)

@@ -16,21 +16,18 @@ cross-time Hessian of one robot's path at the price of a small constant per pair
 from math import exp, sqrt
 
 from solver.arrays import FloatArray
-from solver.engines.fast.jit import inlined, kernel
-from solver.engines.fast.layout import Sight
+from solver.engines.fast.jit import inlined, kernel, merged
+from solver.engines.fast.layout import Table, Team
 from solver.engines.fast.symmetric import Symmetric, inner, inverse, lifted, sandwich
-
-CHAIN = 31
-"""Columns of the scratch: see `_forward`."""
 
 
 @inlined
-def information(x: float, y: float, sensor: FloatArray) -> Symmetric:
+def information(setting: Table, x: float, y: float) -> Symmetric:
     """Return what a robot at (x, y) relative to the target learns of it."""
-    squared = x * x + y * y + sensor[4]
+    squared = x * x + y * y + setting.floor
     distance = sqrt(squared)
-    along = sensor[0] * exp(-sensor[1] * distance) / squared
-    across = sensor[2] * exp(-sensor[3] * distance) / (squared * squared)
+    along = setting.range_peak * exp(-setting.range_shape * distance) / squared
+    across = setting.bearing_peak * exp(-setting.bearing_shape * distance) / (squared * squared)
     return (
         along * x * x + across * y * y,
         (along - across) * x * y,
@@ -39,21 +36,22 @@ def information(x: float, y: float, sensor: FloatArray) -> Symmetric:
 
 
 @kernel
-def trace(sight: Sight, j: int, others: FloatArray, slot: int, path: FloatArray) -> float:
-    """Return the sum over the horizon of tr P of target j, unweighted.
+def trace(team: Team, j: int, slot: int) -> float:
+    """Return the sum over the horizon of tr P of target j for the robot on work.path.
 
-    `others[slot]` (H, 3) is what the other robots contribute to the robot on `path` (H, 2).
+    `team.others[slot]` (H, 3) is what the other robots contribute.
     """
-    p0, p1, p2 = sight.priors[j, 0], sight.priors[j, 1], sight.priors[j, 2]
+    setting, target, path, others = team.setting[0], team.targets[j], team.work[0].path, team.others
+    p0, p1, p2 = target.prior[0], target.prior[1], target.prior[2]
     total = 0.0
-    for k in range(path.shape[0]):
+    for k in range(setting.steps):
         if k > 0:
-            p0 += sight.growth[k, j, 0, 0]
-            p1 += sight.growth[k, j, 0, 1]
-            p2 += sight.growth[k, j, 1, 1]
+            p0 += target.growth[k, 0]
+            p1 += target.growth[k, 1]
+            p2 += target.growth[k, 2]
         b0, b1, b2 = inverse(p0, p1, p2)
         i0, i1, i2 = information(
-            path[k, 0] - sight.means[k, j, 0], path[k, 1] - sight.means[k, j, 1], sight.sensor
+            setting, path[k, 0] - target.means[k, 0], path[k, 1] - target.means[k, 1]
         )
         p0, p1, p2 = inverse(
             b0 + others[slot, k, 0] + i0, b1 + others[slot, k, 1] + i1, b2 + others[slot, k, 2] + i2
@@ -63,63 +61,92 @@ def trace(sight: Sight, j: int, others: FloatArray, slot: int, path: FloatArray)
 
 
 @kernel
-def team_trace(sight: Sight, j: int) -> float:
-    """Return the same for the information that all robots contribute now."""
-    p0, p1, p2 = sight.priors[j, 0], sight.priors[j, 1], sight.priors[j, 2]
+def team_trace(team: Team, j: int) -> float:
+    """Return the same for the information that all robots' plans contribute."""
+    target = team.targets[j]
+    p0, p1, p2 = target.prior[0], target.prior[1], target.prior[2]
     total = 0.0
-    for k in range(sight.means.shape[0]):
+    for k in range(team.setting[0].steps):
         if k > 0:
-            p0 += sight.growth[k, j, 0, 0]
-            p1 += sight.growth[k, j, 0, 1]
-            p2 += sight.growth[k, j, 1, 1]
+            p0 += target.growth[k, 0]
+            p1 += target.growth[k, 1]
+            p2 += target.growth[k, 2]
         b0, b1, b2 = inverse(p0, p1, p2)
-        for entry in range(sight.watch_start[j], sight.watch_start[j + 1]):
-            edge = sight.watch[entry]
-            b0 += sight.information[edge, k, 0]
-            b1 += sight.information[edge, k, 1]
-            b2 += sight.information[edge, k, 2]
+        for entry in range(target.watch[0], target.watch[1]):
+            known = team.edges[team.watch[entry]].information
+            b0 += known[k, 0]
+            b1 += known[k, 1]
+            b2 += known[k, 2]
         p0, p1, p2 = inverse(b0, b1, b2)
         total += p0 + p2
     return total
 
 
 @kernel
-def add_derivatives(
-    sight: Sight,
-    j: int,
-    others: FloatArray,
-    slot: int,
-    path: FloatArray,
-    chain: FloatArray,
-    slope: FloatArray,
-    bend: FloatArray,
-) -> float:
-    """Add target j's derivatives by the path (H, 2); return its weighted cost."""
-    total = _forward(sight, j, others, slot, path, chain)
-    _backward(sight.weight, chain, path.shape[0], slope, bend)
-    return sight.weight * total
+def refresh_information(team: Team, i: int) -> None:
+    """Keep what robot i's plan tells of its targets."""
+    setting, robot = team.setting[0], team.robots[i]
+    for at in range(robot.sees[0], robot.sees[1]):
+        edge = team.edges[at]
+        target = team.targets[edge.target]
+        for k in range(setting.steps):
+            i0, i1, i2 = information(
+                setting,
+                robot.path[k, 0] - target.means[k, 0],
+                robot.path[k, 1] - target.means[k, 1],
+            )
+            edge.information[k, 0] = i0
+            edge.information[k, 1] = i1
+            edge.information[k, 2] = i2
+
+
+@merged
+def gather_information(team: Team, i: int) -> None:
+    """Fill team.others with what the other robots tell of robot i's targets."""
+    robot, others = team.robots[i], team.others
+    for at in range(robot.sees[0], robot.sees[1]):
+        slot = at - robot.sees[0]
+        target = team.targets[team.edges[at].target]
+        for k in range(team.setting[0].steps):
+            s0 = s1 = s2 = 0.0
+            for entry in range(target.watch[0], target.watch[1]):
+                other = team.watch[entry]
+                if other != at:
+                    known = team.edges[other].information
+                    s0 += known[k, 0]
+                    s1 += known[k, 1]
+                    s2 += known[k, 2]
+            others[slot, k, 0], others[slot, k, 1], others[slot, k, 2] = s0, s1, s2
 
 
 @kernel
-def _forward(
-    sight: Sight, j: int, others: FloatArray, slot: int, path: FloatArray, chain: FloatArray
-) -> float:
+def add_tracking(team: Team, j: int, slot: int) -> float:
+    """Add target j's derivatives by work.path; return its weighted cost."""
+    total = _forward(team, j, slot)
+    _backward(team)
+    return float(team.setting[0].tracking) * total
+
+
+@merged
+def _forward(team: Team, j: int, slot: int) -> float:
     """Fill the chain, return the sum of tr P.
 
     Columns: 0 P-^-1, 3 P, 6 A = P P-^-1 (four), 10 and 13 derivative of I by x and by y,
     16 and 19 P dI P likewise, 22, 25 and 28 second derivative of I by xx, xy and yy.
     """
-    p0, p1, p2 = sight.priors[j, 0], sight.priors[j, 1], sight.priors[j, 2]
+    setting, target, others = team.setting[0], team.targets[j], team.others
+    path, chain = team.work[0].path, team.work[0].chain
+    p0, p1, p2 = target.prior[0], target.prior[1], target.prior[2]
     total = 0.0
-    for k in range(path.shape[0]):
+    for k in range(setting.steps):
         if k > 0:
-            p0 += sight.growth[k, j, 0, 0]
-            p1 += sight.growth[k, j, 0, 1]
-            p2 += sight.growth[k, j, 1, 1]
+            p0 += target.growth[k, 0]
+            p1 += target.growth[k, 1]
+            p2 += target.growth[k, 2]
         b0, b1, b2 = inverse(p0, p1, p2)
-        x = path[k, 0] - sight.means[k, j, 0]
-        y = path[k, 1] - sight.means[k, j, 1]
-        i0, i1, i2 = _sensing(x, y, sight.sensor, chain, k)
+        i0, i1, i2 = _sensing(
+            setting, path[k, 0] - target.means[k, 0], path[k, 1] - target.means[k, 1], chain, k
+        )
         p0, p1, p2 = inverse(
             b0 + others[slot, k, 0] + i0, b1 + others[slot, k, 1] + i1, b2 + others[slot, k, 2] + i2
         )
@@ -139,21 +166,21 @@ def _forward(
     return total
 
 
-@inlined
-def _sensing(x: float, y: float, sensor: FloatArray, chain: FloatArray, k: int) -> Symmetric:
+@merged
+def _sensing(setting: Table, x: float, y: float, chain: FloatArray, k: int) -> Symmetric:
     """Store the derivatives of the information of one robot, return it."""
-    squared = x * x + y * y + sensor[4]
+    squared = x * x + y * y + setting.floor
     distance = sqrt(squared)
-    a = sensor[0] * exp(-sensor[1] * distance) / squared
-    b = sensor[2] * exp(-sensor[3] * distance) / (squared * squared)
+    a = setting.range_peak * exp(-setting.range_shape * distance) / squared
+    b = setting.bearing_peak * exp(-setting.bearing_shape * distance) / (squared * squared)
     # Logarithmic derivatives by s = |p|^2, then the first and second by s.
-    la = -0.5 * sensor[1] / distance - 1.0 / squared
-    lb = -0.5 * sensor[3] / distance - 2.0 / squared
+    la = -0.5 * setting.range_shape / distance - 1.0 / squared
+    lb = -0.5 * setting.bearing_shape / distance - 2.0 / squared
     cube = 0.25 / (distance * squared)
     a1 = a * la
     b1 = b * lb
-    a2 = a1 * la + a * (sensor[1] * cube + 1.0 / (squared * squared))
-    b2 = b1 * lb + b * (sensor[3] * cube + 2.0 / (squared * squared))
+    a2 = a1 * la + a * (setting.range_shape * cube + 1.0 / (squared * squared))
+    b2 = b1 * lb + b * (setting.bearing_shape * cube + 2.0 / (squared * squared))
     xx, xy, yy = x * x, x * y, y * y
     ax, ay, bx, by = 2.0 * a1 * x, 2.0 * a1 * y, 2.0 * b1 * x, 2.0 * b1 * y
     axx, axy, ayy = 4.0 * a2 * xx + 2.0 * a1, 4.0 * a2 * xy, 4.0 * a2 * yy + 2.0 * a1
@@ -179,11 +206,14 @@ def _sensing(x: float, y: float, sensor: FloatArray, chain: FloatArray, k: int) 
     return a * xx + b * yy, (a - b) * xy, a * yy + b * xx
 
 
-@kernel
-def _backward(weight: float, chain: FloatArray, steps: int, slope: FloatArray, bend: FloatArray) -> None:
+@merged
+def _backward(team: Team) -> None:
+    """Add the derivatives by work.path from the chain."""
+    weight, work = team.setting[0].tracking, team.work[0]
+    chain, slope, bend = work.chain, work.slope, work.bend
     l0, l1, l2 = weight, 0.0, weight
     w = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    for k in range(steps - 1, -1, -1):
+    for k in range(team.setting[0].steps - 1, -1, -1):
         c = chain[k]
         g0, g1, g2 = sandwich(c[3], c[4], c[5], l0, l1, l2)
         slope[k, 0] -= inner(g0, g1, g2, c[10], c[11], c[12])
@@ -213,7 +243,7 @@ def _backward(weight: float, chain: FloatArray, steps: int, slope: FloatArray, b
             l2 += weight
 
 
-@inlined
+@merged
 def _answer(
     l0: float,
     l1: float,
@@ -238,7 +268,7 @@ def _answer(
     )
 
 
-@inlined
+@merged
 def _add_cross(
     chain: FloatArray,
     m: int,
@@ -257,7 +287,7 @@ def _add_cross(
     bend[at + axis, 2 * m + 1] += by_y
 
 
-@inlined
+@merged
 def _handed_on(
     w: tuple[float, float, float, float, float, float],
     c: FloatArray,

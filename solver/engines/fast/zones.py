@@ -6,37 +6,38 @@ the distance beyond the chance-constrained radius in the direction of the zone's
 
 from math import sqrt
 
-from solver.arrays import FloatArray
-from solver.engines.fast.jit import inlined, kernel
-from solver.engines.fast.layout import Zones
+from solver.engines.fast.hinges import add_hinge
+from solver.engines.fast.jit import kernel
+from solver.engines.fast.layout import Table, Team
 
 _LEAST = 1e-18
+"""Least variance, so that a zone without extent has no division by zero."""
 
 
-@inlined
-def clearance(zones: Zones, s: int, x: float, y: float, smoothing: float) -> float:
-    """Return the clearance of the point (x, y) from zone s, margin not subtracted."""
-    ax = zones.centres[s, 0] - x
-    ay = zones.centres[s, 1] - y
-    soft = smoothing * smoothing
+@kernel
+def clearance(zone: Table, x: float, y: float, smooth: float) -> float:
+    """Return the clearance of the point (x, y) from a zone, margin not subtracted."""
+    ax = zone.centre[0] - x
+    ay = zone.centre[1] - y
+    soft = smooth * smooth
     squared = ax * ax + ay * ay + soft
-    xx, xy, yy = zones.covariances[s, 0, 0], zones.covariances[s, 0, 1], zones.covariances[s, 1, 1]
+    xx, xy, yy = zone.covariance[0], zone.covariance[1], zone.covariance[2]
     spread = (ax * ax * xx + 2.0 * ax * ay * xy + ay * ay * yy + 0.5 * soft * (xx + yy)) / squared
-    return sqrt(squared) - smoothing - zones.quantiles[s] * sqrt(max(spread, _LEAST))
+    return sqrt(squared) - smooth - float(zone.quantile) * sqrt(max(spread, _LEAST))
 
 
-@inlined
+@kernel
 def clearance_derivatives(
-    zones: Zones, s: int, x: float, y: float, smoothing: float
+    zone: Table, x: float, y: float, smooth: float
 ) -> tuple[float, float, float, float, float, float]:
     """Return clearance, its gradient (x, y) and its Hessian (xx, xy, yy)."""
-    ax = zones.centres[s, 0] - x
-    ay = zones.centres[s, 1] - y
-    q = zones.quantiles[s]
-    soft = smoothing * smoothing
+    ax = zone.centre[0] - x
+    ay = zone.centre[1] - y
+    q = zone.quantile
+    soft = smooth * smooth
     squared = ax * ax + ay * ay + soft
     distance = sqrt(squared)
-    xx, xy, yy = zones.covariances[s, 0, 0], zones.covariances[s, 0, 1], zones.covariances[s, 1, 1]
+    xx, xy, yy = zone.covariance[0], zone.covariance[1], zone.covariance[2]
     sx = xx * ax + xy * ay
     sy = xy * ax + yy * ay
     variance = max((ax * sx + ay * sy + 0.5 * soft * (xx + yy)) / squared, _LEAST)
@@ -53,7 +54,7 @@ def clearance_derivatives(
     inverse = 1.0 / distance
     cube = inverse / squared
     return (
-        distance - smoothing - q * spread,
+        distance - smooth - q * spread,
         q * half * mx - ax * inverse,
         q * half * my - ay * inverse,
         inverse - ax * ax * cube - q * rxx,
@@ -63,56 +64,32 @@ def clearance_derivatives(
 
 
 @kernel
-def keep_out_cost(zones: Zones, i: int, path: FloatArray, smoothing: float) -> float:
-    """Return the weighted squared hinges of robot i's sensing zones along its path (H, 2)."""
+def keep_out_cost(team: Team, i: int) -> float:
+    """Return the weighted squared hinges of robot i's sensing zones along work.path."""
+    setting, robot, path = team.setting[0], team.robots[i], team.work[0].path
     total = 0.0
-    for edge in range(zones.start[i], zones.start[i + 1]):
-        s = zones.zone[edge]
-        for k in range(path.shape[0]):
-            gap = clearance(zones, s, path[k, 0], path[k, 1], smoothing) - zones.margins[s]
+    for entry in range(robot.keeps[0], robot.keeps[1]):
+        zone = team.keep_zones[team.keeps[entry]]
+        for k in range(setting.steps):
+            gap = clearance(zone, path[k, 0], path[k, 1], setting.smooth) - zone.margin
             if gap < 0.0:
-                total += zones.weights[s] * gap * gap
+                total += zone.weight * gap * gap
     return total
 
 
 @kernel
-def add_keep_out(
-    zones: Zones, i: int, path: FloatArray, smoothing: float, slope: FloatArray, bend: FloatArray
-) -> float:
+def add_keep_out(team: Team, i: int) -> float:
     """Add the derivatives of the same by the path, return it."""
+    setting, robot, work = team.setting[0], team.robots[i], team.work[0]
     total = 0.0
-    for edge in range(zones.start[i], zones.start[i + 1]):
-        s = zones.zone[edge]
-        for k in range(path.shape[0]):
+    for entry in range(robot.keeps[0], robot.keeps[1]):
+        zone = team.keep_zones[team.keeps[entry]]
+        for k in range(setting.steps):
             value, gx, gy, xx, xy, yy = clearance_derivatives(
-                zones, s, path[k, 0], path[k, 1], smoothing
+                zone, work.path[k, 0], work.path[k, 1], setting.smooth
             )
-            gap = value - zones.margins[s]
+            gap = value - zone.margin
             if gap < 0.0:
-                total += zones.weights[s] * gap * gap
-                add_hinge(2.0 * zones.weights[s], gap, gx, gy, xx, xy, yy, k, slope, bend)
+                total += zone.weight * gap * gap
+                add_hinge(work, k, 2.0 * zone.weight, gap, gx, gy, xx, xy, yy)
     return total
-
-
-@inlined
-def add_hinge(
-    twice: float,
-    gap: float,
-    gx: float,
-    gy: float,
-    xx: float,
-    xy: float,
-    yy: float,
-    k: int,
-    slope: FloatArray,
-    bend: FloatArray,
-) -> None:
-    """Add the derivatives of `twice / 2 * gap^2` to step k's gradient and diagonal block."""
-    slope[k, 0] += twice * gap * gx
-    slope[k, 1] += twice * gap * gy
-    at = 2 * k
-    cross = twice * (gx * gy + gap * xy)
-    bend[at, at] += twice * (gx * gx + gap * xx)
-    bend[at, at + 1] += cross
-    bend[at + 1, at] += cross
-    bend[at + 1, at + 1] += twice * (gy * gy + gap * yy)
