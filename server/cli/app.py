@@ -5,6 +5,7 @@ import sys
 import typer
 
 from server.cli.errors import UsageError
+from server.cli.mock import mock_llm
 from server.cli.run import run
 from server.models import ModelUnavailable
 from server.scenarios.errors import ScenarioError
@@ -19,6 +20,7 @@ app = typer.Typer(
     "with language models in the loop and people in charge.",
 )
 app.command()(run)
+app.command("mock-llm")(mock_llm)
 
 
 @app.callback()
