@@ -21,8 +21,15 @@ from vehicles.mavlink.telemetry import Telemetry
 from vehicles.mavlink.undertakings import Undertaking
 from vehicles.messages import Mode, Order
 
-LINK_LOST_S = 3.0
-"""Without a heartbeat of the autopilot for so long (three of them), the link is lost."""
+LINK_LOST_S = 2.0
+"""Without any word of the autopilot for so long, the link is lost; its streams come at 10 Hz and
+more, so half of them may be lost on the way."""
+
+MODE_LOST_S = 10.0
+"""Without a heartbeat for so long nobody knows who flies, whatever else is heard."""
+
+RETURNED_S = 2.0
+"""A mode found changed within so long of the link's return was changed in silence."""
 
 POSITION_LOST_S = 1.0
 TARGET_PERIOD_S = 0.1
@@ -82,6 +89,7 @@ class Guard:
         self._hold_at: Vector | None = None
         self._held = False
         self._linked = False
+        self._back_s = float("-inf")
         self._placed = True
         self._objected = False
         self._target_s = float("-inf")
@@ -192,9 +200,15 @@ class Guard:
     # ------------------------------------------------------------------ who flies
 
     def _link(self, now_s: float) -> bool:
-        heard_s = self._told.heartbeat_s
-        fresh = heard_s is not None and now_s - heard_s <= LINK_LOST_S
+        heard_s, beat_s = self._told.heard_s, self._told.heartbeat_s
+        fresh = (
+            heard_s is not None
+            and beat_s is not None
+            and now_s - heard_s <= LINK_LOST_S
+            and now_s - beat_s <= MODE_LOST_S
+        )
         if fresh and not self._linked:
+            self._back_s = now_s
             self._tell(BodyEventKind.LINK_BACK, "the autopilot is heard", now_s)
             if self.control is Control.STANDBY:
                 self.reason = "waiting for an operator"
@@ -223,7 +237,8 @@ class Guard:
             self._take_control(now_s)
 
     def _let_go(self, mode: int, now_s: float) -> None:
-        saved = mode in self._settings.dialect.savers and self._watch.acts(now_s)
+        explained = self._watch.acts(now_s) or now_s - self._back_s <= RETURNED_S
+        saved = mode in self._settings.dialect.savers and explained
         kind = BodyEventKind.FAILSAFE if saved else BodyEventKind.PILOT
         who = "its failsafe" if saved else "a pilot"
         self.reason = f"{who} changed the mode to {self._settings.dialect.name(mode)}"

@@ -41,6 +41,7 @@ class Telemetry:
     `receive` takes checked messages only. Vectors are in the vehicle's local ENU frame.
     """
 
+    heard_s: float | None = None
     heartbeat_s: float | None = None
     mode: int | None = None
     armed: bool = False
@@ -90,6 +91,7 @@ class Telemetry:
 
     def receive(self, message: Message, now_s: float) -> None:
         """Take one sound and plausible message; kinds that tell us nothing are ignored."""
+        self.heard_s = now_s
         kind = message.get_type()
         if kind == "HEARTBEAT":
             self._heartbeat(message, now_s)

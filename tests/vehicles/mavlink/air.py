@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 from solver.setpoints import Setpoint
 from vehicles.body import BodyEvent, BodyEventKind
@@ -81,7 +82,7 @@ def dialect_of(autopilot: Autopilot) -> Dialect:
     return DIALECTS[autopilot]
 
 
-def flying(autopilot: Autopilot = Autopilot.ARDUPILOT, **flight: object) -> Air:
+def flying(autopilot: Autopilot = Autopilot.ARDUPILOT, **flight: Any) -> Air:
     """Return an airborne vehicle in the following mode and a bridge to it."""
     return build(autopilot, start=Start.AIRBORNE, **flight)
 
@@ -91,12 +92,12 @@ def build(
     aligner: Aligner | None = None,
     take_off: TakeOffRule = TakeOffRule.FORBIDDEN,
     limits: FlightLimits | None = None,
-    **flight: object,
+    **flight: Any,
 ) -> Air:
     """Return a vehicle and a bridge to it that have not yet heard of each other."""
     dialect = DIALECTS[autopilot]
     settings = AutopilotSettings(
-        flight=FlightSettings(dialect=dialect, **flight),  # type: ignore[arg-type]
+        flight=FlightSettings(dialect=dialect, **flight),
         system=7,
         origin=ORIGIN,
     )
