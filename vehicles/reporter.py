@@ -66,7 +66,10 @@ class Reporter:
         )
 
     def note(self, at_s: float, part: Part) -> None:
-        """Let an event wait until it can be heard."""
+        """Let an event wait until it can be heard. A newer return replaces one that waits."""
+        if isinstance(part, wire.ReturnPart):
+            kept = (one for one in self._pending if not isinstance(one[1], wire.ReturnPart))
+            self._pending = deque(kept)
         if len(self._pending) >= self._max_events:
             self._pending.popleft()
             self.dropped += 1

@@ -17,6 +17,7 @@ import signal
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from enum import StrEnum
 from pathlib import Path
 from threading import Lock
 from typing import Final
@@ -53,6 +54,14 @@ class SimulationJob:
 
 
 _JOB: Final = TypeAdapter(SimulationJob)
+
+
+class Lifetime(StrEnum):
+    """What ends the process, beside a signal."""
+
+    SIGNAL = "signal"
+    STDIN = "stdin"
+    """The end of standard input."""
 
 
 class JobError(ValueError):
@@ -136,18 +145,16 @@ async def _ended(stdin: asyncio.StreamReader | None) -> None:
         pass
 
 
-async def run(job_file: Path | None, until_eof: str | None) -> None:
+async def run(job_file: Path | None, lifetime: Lifetime) -> None:
     """Read the job and simulate it until a signal, or the end of standard input if asked."""
-    stdin = await _stdin() if job_file is None or until_eof else None
-    if job_file is None:
-        if stdin is None:
-            raise JobError("there is no standard input to read a job from")
-        text = await stdin.readline()
-    else:
+    stdin = await _stdin() if job_file is None or lifetime is Lifetime.STDIN else None
+    if job_file is not None:
         text = await asyncio.to_thread(job_file.read_bytes)
+    else:
+        text = b"" if stdin is None else await stdin.readline()
     job = load_job(text)
     working = asyncio.ensure_future(simulate(job))
-    ending = asyncio.ensure_future(_ended(stdin if until_eof else None))
+    ending = asyncio.ensure_future(_ended(stdin if lifetime is Lifetime.STDIN else None))
     loop = asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, ending.cancel)
@@ -164,11 +171,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the process; return its exit code."""
     parser = argparse.ArgumentParser(prog="python -m vehicles.sim_worker", description=__doc__)
     parser.add_argument("--job", type=Path, help="file with the job; without it, standard input")
-    parser.add_argument("--until-eof", action="store_const", const="until-eof")
+    parser.add_argument(
+        "--until-eof",
+        dest="lifetime",
+        action="store_const",
+        const=Lifetime.STDIN,
+        default=Lifetime.SIGNAL,
+        help="end when standard input is closed",
+    )
     given = parser.parse_args(arguments)
     logging.basicConfig(level=logging.INFO, stream=sys.stderr, format="%(levelname)s %(message)s")
     try:
-        asyncio.run(run(given.job, given.until_eof))
+        asyncio.run(run(given.job, given.lifetime))
     except (BusError, DuplicateRobotError) as error:
         sys.stderr.write(f"sim: {error}\n")
         return 1
