@@ -21,6 +21,7 @@ _NOT_AN_ID = -1
 """Stands for an id that is no number; no robot or target has it, so it is refused."""
 
 _WEIGHT_KEYS = ("tracking", "control", "sensing", "communication")
+_MEANT_AS_JSON = re.compile(r"\{\s*\"")
 _REFUSAL = re.compile(
     r"\b(?:I'?m sorry|I am sorry|I apologi[sz]e|I can(?:'|no)?t (?:help|assist|comply|provide|do)|"
     r"I can not (?:help|assist|comply)|I(?:'m| am) (?:unable|not able)|I won'?t|"
@@ -79,6 +80,7 @@ def read_task(text: str) -> TaskAnswer:
                 feedback=_feedback_of(found),
                 comments=tuple(_json_comments(found.get("comments"))),
             )
+    _refuse_broken_json(plain, "a tracking assignment")
     said = sentences.split(plain)
     rows = sentences.assignment(said.body)
     if rows is None:
@@ -108,6 +110,7 @@ def read_action(text: str) -> ActionAnswer:
                 feedback=_feedback_of(found),
                 comments=tuple(_json_comments(found.get("comments"))),
             )
+    _refuse_broken_json(plain, "weights")
     said = sentences.split(plain)
     numbers = sentences.weights(said.body)
     if numbers is None:
@@ -121,9 +124,21 @@ def read_action(text: str) -> ActionAnswer:
     )
 
 
+def is_whole(text: str) -> bool:
+    """Return whether an answer that ended at the token limit had said everything that counts."""
+    plain = without_thoughts(text)
+    return bool(next(json_objects(plain), None)) or bool(sentences.split(plain).feedback)
+
+
 def is_refusal(text: str) -> bool:
     """Return whether a model declines to answer at all."""
     return bool(_REFUSAL.search(text[:400]))
+
+
+def _refuse_broken_json(text: str, wanted: str) -> None:
+    """Keep pieces of a JSON object from being read as if they were plain lines."""
+    if _MEANT_AS_JSON.search(text):
+        raise AnswerError(f"The JSON is broken, cut off, or holds no {wanted.removeprefix('a ')}.")
 
 
 def _empty_words(text: str, wanted: str) -> str:

@@ -12,7 +12,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 from llm import words
-from llm.answers import ActionAnswer, AnswerError, SaidOfComment, TaskAnswer, read_action, read_task
+from llm.answers import (
+    ActionAnswer,
+    AnswerError,
+    SaidOfComment,
+    TaskAnswer,
+    is_whole,
+    read_action,
+    read_task,
+)
 from llm.chat import ChatReply, ChatRequest, ErrorKind, Message, ModelError
 from llm.facts import zone_labels
 from llm.prompts import Loop, PromptView, request_for
@@ -26,6 +34,8 @@ MOST_VIOLATIONS = 12
 
 LONGEST_ECHO = 2000
 """Characters of a refused answer that are shown to the model again."""
+
+CUT_OFF = "The answer ended at the token limit before it was complete; be brief."
 
 _SOURCES = {Loop.TASK: Source.TASK_LLM, Loop.ACTION: Source.ACTION_LLM}
 _AGAIN = frozenset({ErrorKind.BAD_REPLY, ErrorKind.TOO_LARGE})
@@ -108,11 +118,12 @@ class Consultation:
             tokens_out=self.stats.tokens_out + reply.tokens_out,
             latency_s=self.stats.latency_s + reply.latency_s,
         )
+        if reply.finish == "length" and not is_whole(reply.text):
+            return self._refused(reply.text, (CUT_OFF,), snapshot)
         try:
             proposal = self._proposal(reply.text, snapshot)
         except AnswerError as error:
-            cut_off = " It ended at the token limit." if reply.finish == "length" else ""
-            return self._refused(reply.text, (f"{error}{cut_off}",), snapshot)
+            return self._refused(reply.text, (str(error),), snapshot)
         verdict = verify(proposal, snapshot, self.view.limits)
         if not verdict.accepted:
             return self._refused(reply.text, verdict.violations, snapshot)

@@ -54,7 +54,8 @@ def without_thoughts(text: str) -> str:
 def json_objects(text: str) -> Iterator[Pairs]:
     """Yield the outermost JSON objects of a text, the last first: models end with the answer.
 
-    NaN and Infinity are read as such. What is no JSON is passed over.
+    NaN and Infinity are read as such. What is no JSON is passed over, with everything in it:
+    the inner objects of a broken or cut-off answer are no answer.
     """
     decoder = json.JSONDecoder(object_pairs_hook=lambda pairs: Pairs(tuple(pairs)))
     found: list[Pairs] = []
@@ -63,9 +64,11 @@ def json_objects(text: str) -> Iterator[Pairs]:
         tried += 1
         try:
             value, end = decoder.raw_decode(text, position)
-        except (ValueError, RecursionError):
-            position = text.find("{", position + 1)
+        except json.JSONDecodeError as error:
+            position = text.find("{", max(error.pos, position + 1))
             continue
+        except RecursionError:
+            return
         if isinstance(value, Pairs):
             found.append(value)
         position = text.find("{", end)

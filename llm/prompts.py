@@ -23,7 +23,7 @@ from solver.snapshot import CommentReceipt, Snapshot
 MOST_COMMENTS = 12
 """The newest comments that a prompt carries."""
 
-TOKENS_PER_COMMENT = 80
+TOKENS_PER_COMMENT = 120
 """Room for the answer to one comment, on top of the paper's token limit."""
 
 

@@ -231,24 +231,17 @@ def _guard_target(reading: Reading, draft: _Draft, wish: Wish) -> tuple[str, str
     """Be more careful about the zone a target is in."""
     zones = _zones_meant(reading, wish)
     places = [(t, t.position) for t in reading.targets if t.id in wish.targets and t.position]
-    near = [
-        zone
+    gaps = [
+        (min(math.dist(place, zone.position) for _, place in places) - zone.keep_out_m, zone)
         for zone in zones
-        if any(
-            math.dist(place, zone.position) < zone.keep_out_m + NEAR_ZONE_M for _, place in places
-        )
+        if places
     ]
+    inside = [zone for gap, zone in gaps if gap <= 0.0]
+    near = inside or [zone for gap, zone in gaps if gap < NEAR_ZONE_M]
     if near:
         return _raise_zones(reading, draft, near, SEVERITY_STEP, wish)
     name = " and ".join(f"Target {t}" for t in wish.targets) or "The target"
-    closest = min(
-        (
-            (math.dist(place, z.position) - z.keep_out_m, z.label)
-            for _, place in places
-            for z in zones
-        ),
-        default=None,
-    )
+    closest = min(((gap, zone.label) for gap, zone in gaps), default=None)
     if closest is None:
         return "noted", f"No known zone lies near {name}; a zone can be drawn on the map."
     words = f"{name} is {closest[0]:.1f} m outside the nearest known zone, {closest[1]}"
@@ -273,9 +266,8 @@ def _unstick(reading: Reading, draft: _Draft, wish: Wish) -> tuple[str, str]:
     if draft.replan:
         names = " and ".join(f"Drone {robot_id}" for robot_id in draft.replan)
         reasons.append(f"{names} is planned afresh.")
-    words = " ".join(reasons)
-    draft.reasons.append(words)
-    return ("applied" if draft.replan else "noted"), words
+        draft.reasons.append(reasons[-1])
+    return ("applied" if draft.replan else "noted"), " ".join(reasons)
 
 
 def explain(reading: Reading, robot: SeenRobot) -> str:

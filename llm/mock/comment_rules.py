@@ -63,7 +63,7 @@ _IDS = r"(\d+(?:\s*(?:,\s*and|,|and|&|or)\s*\d+)*)"
 _ROBOTS = re.compile(rf"\b(?:drones?|robots?|uavs?|quadrotors?)\s*#?\s*{_IDS}", re.I)
 _TARGETS = re.compile(rf"\btargets?\s*#?\s*{_IDS}", re.I)
 _ZONES = re.compile(
-    r"\b(?:zones?|regions?|areas?)\s+(?:#|number\s+)?([a-z]*-?\d[\w.-]*|[A-Za-z]+\d+)", re.I
+    r"\b(?:zones?|regions?|areas?)\s+(?:#|number\s+)?([a-z]*-?\d\w*(?:[.-]\w+)*)", re.I
 )
 _KIND = re.compile(r"\b(sens(?:ing|or)|comm(?:unication|s|\.)?|jamm\w*)\b", re.I)
 _NUMBER = re.compile(
@@ -75,7 +75,7 @@ _INJECTION = re.compile(
     r"\b(?:ignore|disregard|forget|override)\b.{0,40}\b(?:instruction|rule|previous|prior|above|"
     r"prompt|bound|constraint|limit|verification)|\bsystem\s*(?:prompt|message|:)|\byou are now\b"
     r"|\b(?:act|behave|pretend)\b.{0,20}\bas\b|\bjailbreak|\bdeveloper mode|\brespond only with"
-    r"|\boutput (?:only|exactly)|^\s*(?:assistant|system|user)\s*:|[{}\[\]<>]",
+    r"|\boutput (?:only|exactly)|^\s*(?:assistant|system|user)\s*:|[{}\[\]]|<[\w/|<]",
     re.I,
 )
 _ROBOT = r"\b(?:drones?|robots?|uavs?)\s*#?\s*\d+"

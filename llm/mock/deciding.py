@@ -57,7 +57,9 @@ def _as_json(decision: Decision, reading: Reading) -> dict[str, object]:
                 {"drone": robot, "capacity": capacity} for robot, capacity in decision.capacities
             ]
     else:
-        body["weights"] = dict(zip(_NAMES, decision.weights, strict=True))
+        weights = decision.weights
+        named = len(weights) == len(_NAMES)
+        body["weights"] = dict(zip(_NAMES, weights, strict=True)) if named else list(weights)
         if "severities" in reading.offers:
             body["severities"] = [
                 {"zone": label, "severity": severity} for label, severity in decision.severities

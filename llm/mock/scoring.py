@@ -25,7 +25,7 @@ NEAREST_M = 0.5
 DETOUR_COST = 0.1
 """For a line of sight or way that crosses a keep-out."""
 
-TRAVEL_COST = 0.02
+TRAVEL_COST = 0.03
 """Per metre between a robot and the middle of its targets."""
 
 

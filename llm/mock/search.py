@@ -1,5 +1,7 @@
 """Finding assignments: repair first, then small steps downhill, then only clear gains."""
 
+import itertools
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 
@@ -14,6 +16,9 @@ NEAREST = 4
 
 MOST_STEPS = 6000
 """Changes priced per answer, so that a large team's answer is never late."""
+
+MOST_EXCHANGED = 16
+"""Robots tried for changing places wholly."""
 
 NO_GAIN = -1e-9
 
@@ -52,10 +57,52 @@ def duties(cost: Cost) -> tuple[int, int, int]:
 
 
 def sound(reading: Reading, plan: Plan, bounds: Bounds) -> Plan:
-    """Return the plan, or the nearest thing to it that covers what can be covered."""
-    board = Board(Scorer(reading, one_each=False), _kept_to(reading, plan, bounds))
-    _descend(reading, board, bounds, wanted=lambda gain: duties(gain) < (0, 0, 0))
-    return board.plan
+    """Return the plan, or one near to it that covers what can be covered.
+
+    Targets without a robot, then those without a robot that sees, are given one, along a
+    chain of hand-overs where the robots near by are full.
+    """
+    rows = {robot_id: set(row) for robot_id, row in _kept_to(reading, plan, bounds).items()}
+    takers = [robot for robot in reading.robots if robot.free and robot.id in rows]
+    blind = {robot.id for robot in reading.robots if robot.blind}
+    for able in (takers, [robot for robot in takers if not robot.blind]):
+        for target in reading.targets:
+            watched = any(
+                target.id in row and (able is takers or robot_id not in blind)
+                for robot_id, row in rows.items()
+            )
+            if not watched:
+                _give(reading, rows, able, bounds, target.id, set())
+    return {robot_id: frozenset(row) for robot_id, row in rows.items()}
+
+
+def _give(
+    reading: Reading,
+    rows: dict[int, set[int]],
+    able: list[SeenRobot],
+    bounds: Bounds,
+    target_id: int,
+    tried: set[int],
+) -> bool:
+    """Find a robot for a target, by an augmenting path; return whether there is one."""
+    for robot in _by_distance(reading, able, target_id):
+        if robot.id in tried or (robot.id, target_id) in bounds.forbidden:
+            continue
+        tried.add(robot.id)
+        row = rows[robot.id]
+        if len(row) < robot.capacity:
+            row.add(target_id)
+            return True
+        for given_up in sorted(row):
+            if (robot.id, given_up) in bounds.required:
+                continue
+            row.discard(given_up)
+            elsewhere = any(given_up in rows[other.id] for other in able)
+            if elsewhere or _give(reading, rows, able, bounds, given_up, tried):
+                row.add(target_id)
+                return True
+            row.add(given_up)
+    return False
 
 
 def improved(reading: Reading, plan: Plan, bounds: Bounds) -> Plan:
@@ -89,6 +136,28 @@ def _descend(
                 moved = True
             if steps <= 0:
                 break
+        moved = moved or _exchange(board, bounds, _pairs(reading, board.plan), wanted)
+
+
+def _exchange(
+    board: Board,
+    bounds: Bounds,
+    pairs: list[tuple[SeenRobot, SeenRobot]],
+    wanted: Callable[[Cost], bool],
+) -> bool:
+    """Let two robots change places wholly, where that is wanted; return whether any did."""
+    for one, other in pairs:
+        change = {one.id: board.plan[other.id], other.id: board.plan[one.id]}
+        fits = len(change[one.id]) <= one.capacity and len(change[other.id]) <= other.capacity
+        if fits and bounds.allow(change) and wanted(board.gain(change)):
+            board.apply(change)
+            return True
+    return False
+
+
+def _pairs(reading: Reading, plan: Plan) -> list[tuple[SeenRobot, SeenRobot]]:
+    free = [robot for robot in reading.robots if robot.free and robot.id in plan]
+    return list(itertools.combinations(free[:MOST_EXCHANGED], 2))
 
 
 def _kept_to(reading: Reading, plan: Plan, bounds: Bounds) -> Plan:
@@ -143,13 +212,11 @@ def _rehomed(
 
 
 def _nearest(reading: Reading, free: list[SeenRobot], target_id: int) -> list[SeenRobot]:
+    return _by_distance(reading, free, target_id)[:NEAREST]
+
+
+def _by_distance(reading: Reading, robots: list[SeenRobot], target_id: int) -> list[SeenRobot]:
     place = next((t.position for t in reading.targets if t.id == target_id), None)
     if place is None:
-        return free[:NEAREST]
-    return sorted(
-        free,
-        key=lambda robot: (
-            (robot.position[0] - place[0]) ** 2 + (robot.position[1] - place[1]) ** 2,
-            robot.id,
-        ),
-    )[:NEAREST]
+        return robots
+    return sorted(robots, key=lambda robot: (math.dist(robot.position, place), robot.id))

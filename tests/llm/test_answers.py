@@ -101,6 +101,19 @@ def test_json(text: str, rows: Rows) -> None:
     assert dict(read_task(text).assignment) == rows
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        '{"weights": {"tracking": 1, "control": 2, "sensing": 3, "communication": 4}, "replan": [2',
+        '{"weights": {"tracking": 1, "control": 2, "sensing": 3, "communication": 4}, "x": [,]}',
+        '{"a": {"weights": [1, 2, 3, 4]}, "feedback": "cut o',
+    ],
+)
+def test_parts_of_a_broken_answer_are_no_answer(text: str) -> None:
+    with pytest.raises(AnswerError):
+        read_action(text)
+
+
 def test_a_repeated_key_is_not_lost() -> None:
     answer = read_task('{"assignment": {"21": [122], "21": [124]}}')
     assert answer.assignment == ((21, (122,)), (21, (124,)))

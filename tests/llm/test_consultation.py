@@ -119,6 +119,11 @@ def test_jammed_robots_may_be_left_out() -> None:
         ("", "stop", "empty"),
         ("I'm sorry, I can't.", "stop", "refusal"),
         ('{"assignment": {"21": [12', "length", "ended at the token limit"),
+        (
+            "Drone 26 should track Target 124.\nDrone 21 should track Target 12",
+            "length",
+            "ended at",
+        ),
     ],
 )
 def test_unreadable_answers_are_told_so(text: str, finish: str, words: str) -> None:
@@ -126,6 +131,12 @@ def test_unreadable_answers_are_told_so(text: str, finish: str, words: str) -> N
     outcome = task(scene).receive(reply(text, finish), scene.snapshot())
     assert isinstance(outcome, Retry)
     assert words in outcome.reasons[0]
+
+
+def test_an_answer_complete_before_the_limit_counts() -> None:
+    scene = hardware()
+    text = '{"assignment": {"21": [122], "26": [124]}} And now I would like to'
+    accepted(task(scene).receive(reply(text, "length"), scene.snapshot()))
 
 
 @pytest.mark.parametrize(
@@ -143,8 +154,7 @@ def test_failures_of_the_endpoint(kind: ErrorKind, again: bool) -> None:
     call = task(hardware())
     request = call.request
     outcome = call.fail(ModelError(kind, "no reply"))
-    assert outcome.__class__ is (Retry if again else GivenUp)
-    assert not isinstance(outcome, Accepted)
+    assert isinstance(outcome, Retry if again else GivenUp)
     assert outcome.reasons == ("no reply",)
     assert call.request is request
     assert call.stats.tries == 1

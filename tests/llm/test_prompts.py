@@ -92,7 +92,7 @@ def test_clearance_is_the_optimizers_own_constraint() -> None:
 
 @pytest.mark.parametrize(
     ("robots", "capacity", "comments", "limit"),
-    [(2, 2, 0, 200), (2, 1, 0, 150), (4, 3, 0, 250), (10, 2, 0, 320), (2, 2, 2, 360)],
+    [(2, 2, 0, 200), (2, 1, 0, 150), (4, 3, 0, 250), (10, 2, 0, 320), (2, 2, 2, 440)],
 )
 def test_token_limit(robots: int, capacity: int, comments: int, limit: int) -> None:
     scene = Scene(
