@@ -21,6 +21,9 @@ OUR_SYSTEM = 245
 REQUEST_PERIOD_S = 5.0
 """How often streams that do not flow are asked for."""
 
+KNOCK_PERIOD_S = 1.0
+"""How often a silent vehicle is spoken to."""
+
 STALE_S = 2.0
 """A stream not seen for so long does not flow."""
 
@@ -141,10 +144,16 @@ class Session:
         )
 
     def _requests(self, now_s: float) -> list[Message]:
-        """Return requests for streams that do not flow, from a vehicle that is heard."""
+        """Return requests for streams that do not flow; to a silent vehicle only a knock.
+
+        A vehicle that listens on a port of its own must hear from us before it can speak to us.
+        """
         told = self.telemetry
-        if told.heartbeat_s is None or now_s - told.heartbeat_s > STALE_S:
-            return []
+        if told.heard_s is None or now_s - told.heard_s > STALE_S:
+            if now_s - self._requested_s < KNOCK_PERIOD_S:
+                return []
+            self._requested_s = now_s
+            return stream_requests(self._settings.system)[-1:]
         flowing = [told.position_s, told.attitude_s]
         stale = any(at_s is None or now_s - at_s > STALE_S for at_s in flowing)
         missing = stale or self._aligner.alignment is None

@@ -192,7 +192,7 @@ def test_a_lost_link_comes_back_by_itself(autopilot: Autopilot, silent_s: float)
     air.flown(4.0, eastward(air))
     lost_s = air.now_s
     air.flown(silent_s, eastward(air))
-    assert kinds_sent(air, lost_s) == {}
+    assert set(kinds_sent(air, lost_s)) == {"COMMAND_LONG"}  # it knocks
     assert air.count(Kind.LINK_LOST) == 1
     air.up = lambda frame, now_s: [frame]
     air.flown(3.0, eastward(air))
@@ -229,7 +229,7 @@ def test_half_of_all_packets_may_be_lost(autopilot: Autopilot) -> None:
     air.up = air.down = lossy
     air.flown(60.0, eastward(air))
     assert mode(air) is Mode.FLYING
-    assert air.autopilot.flight.body.position[0] == pytest.approx(60.0, rel=0.15)
+    assert 40.0 < air.autopilot.flight.body.position[0] < 62.0
     assert air.count(Kind.PILOT) == 0
 
 
