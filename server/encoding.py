@@ -70,24 +70,23 @@ class Severity(StrEnum):
 def snapshot_message(
     snapshot: Snapshot,
     *,
+    mission: str,
     state: MissionState,
     loops: Mapping[str, LoopReport],
     field: tuple[Point, Point],
     weight_bounds: tuple[Weights, Weights],
     attacks: Mapping[ZoneKind, int],
-    receipts: Sequence[CommentReceipt],
     truth: Json | None = None,
 ) -> Json:
     """Return the stream's message for one snapshot.
 
-    `field` and `weight_bounds` are (lower, upper); `attacks` counts hits since the
-    start; `receipts` are the comments to show, closed ones included, oldest first; `truth`
-    is `truth_object` of a simulated world.
+    `mission` is its id here; `field` and `weight_bounds` are (lower, upper); `attacks`
+    counts hits since the start; `truth` is `truth_object` of a simulated world.
     """
     return {
         "type": "snapshot",
         "v": STREAM_VERSION,
-        "mission": snapshot.mission,
+        "mission": mission,
         "tick": snapshot.tick,
         "time_s": number(snapshot.time_s, _SECONDS),
         "state": state.value,
@@ -104,7 +103,7 @@ def snapshot_message(
         },
         "loops": {name: _loop(report) for name, report in loops.items()},
         "attacks": {kind.value: attacks.get(kind, 0) for kind in ZoneKind},
-        "comments": [comment_object(receipt) for receipt in receipts],
+        "comments": [comment_object(r) for r in (*snapshot.closed, *snapshot.receipts)],
         "truth": truth,
     }
 

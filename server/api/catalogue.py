@@ -15,10 +15,10 @@ class Definition:
     seed: int
     clock: Clock
     planner: dict[str, Any]
-    """Parameters of the planner's `start` request, all but the mission's id."""
+    """The planner's job (server.live.job), as JSON values."""
 
     world: dict[str, Any] | None
-    """Parameters of the simulated world's `start` request; None when vehicles are elsewhere."""
+    """The simulated world's job (vehicles.sim_worker), None when the vehicles are elsewhere."""
 
 
 class Catalogue(Protocol):

@@ -30,6 +30,9 @@ class MissionRecord:
         self.created_at = datetime.now(UTC)
         self.started_at: datetime | None = None
         self.host: Host | None = None
+        self.endpoint: str | None = None
+        """Where its bus listens; the same again when its planner is started again."""
+
         self.tasks: set[asyncio.Task[None]] = set()
         """Those that run its processes."""
 

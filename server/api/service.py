@@ -281,22 +281,20 @@ class MissionService:
             ) from error
 
     async def _launch(self, record: MissionRecord) -> None:
-        """Start the processes of a mission and wait for its first word."""
+        """Start the processes of a mission: planner, world, and then its clock."""
         definition = record.definition
-        if definition.world is not None and not record.tasks:
-            world = self._make_world(definition)
-            self._run(record, world, WORLD)
-            await self._ready(record, world, {**definition.world, "mission": record.id})
-        planner = self._make_planner(definition)
-        record.host = planner
-        self._run(record, planner, PLANNER)
-        await self._ready(record, planner, {**definition.planner, "mission": record.id})
-        record.started_at = record.started_at or datetime.now(UTC)
-        record.change_state(MissionState.RUNNING)
-
-    async def _ready(self, record: MissionRecord, host: Host, params: Mapping[str, Any]) -> None:
         try:
-            await host.request("start", params, timeout_s=START_S)
+            planner = self._make_planner(definition)
+            self._run(record, planner, PLANNER)
+            job = {"mission": record.id, "job": definition.planner, "endpoint": record.endpoint}
+            answer = await planner.request("prepare", job, timeout_s=START_S)
+            record.endpoint = answer["endpoint"]
+            if definition.world is not None and len(record.tasks) == 1:
+                world = self._make_world(definition)
+                self._run(record, world, WORLD)
+                job = {"job": definition.world, "endpoint": record.endpoint}
+                await world.request("start", job, timeout_s=START_S)
+            await planner.request("start", timeout_s=REQUEST_S)
         except ChannelError as error:
             await _end_processes(record)
             record.change_state(MissionState.FAILED, str(error))
@@ -305,6 +303,9 @@ class MissionService:
                 f"Mission {record.id} could not be started: {error}.",
                 HTTPStatus.SERVICE_UNAVAILABLE,
             ) from error
+        record.host = planner
+        record.started_at = record.started_at or datetime.now(UTC)
+        record.change_state(MissionState.RUNNING)
 
     def _run(self, record: MissionRecord, host: Host, role: str) -> None:
         """Run a host in a task of its own; its unexpected end fails the mission."""

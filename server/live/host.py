@@ -81,7 +81,7 @@ class ProcessHost:
         finally:
             self._over = True
             self._ready.set()
-            await _end(process, self._grace_s)
+            await end_process(process, self._grace_s)
             self.pid = None
 
     async def request(
@@ -98,7 +98,7 @@ class ProcessHost:
         return await self._caller.request(op, params, timeout_s=timeout_s)
 
 
-async def _end(process: asyncio.subprocess.Process, grace_s: float) -> None:
+async def end_process(process: asyncio.subprocess.Process, grace_s: float) -> None:
     """End a process: by end of file, then by SIGTERM, then by SIGKILL."""
     if process.stdin is not None:
         process.stdin.close()

@@ -166,9 +166,11 @@ class ScriptedHost:
         await self.ready.wait()
         self.requests.append((op, dict(params or {})))
         match op:
-            case "start":
+            case "prepare":
                 if self.fail_start:
                     raise ChannelClosed("the mission process has ended")
+                return {"endpoint": "tcp/127.0.0.1:7"}
+            case "start":
                 self.state = MissionState.RUNNING
             case "comment":
                 return self._comment(dict(params or {}))
@@ -194,7 +196,9 @@ class ScriptedHost:
         """Send one snapshot."""
         self.time_s = time_s
         hold = HoldState.HELD if self.state is MissionState.HELD else HoldState.FLYING
-        picture = snapshot(time_s, directives=self.directives, hold=hold)
+        picture = snapshot(
+            time_s, directives=self.directives, hold=hold, receipts=tuple(self.receipts)
+        )
         self._receive(
             frame(
                 snapshot_message(
@@ -204,7 +208,7 @@ class ScriptedHost:
                     field=FIELD,
                     weight_bounds=(LOWER, UPPER),
                     attacks={ZoneKind.SENSING: 3, ZoneKind.COMMUNICATION: 1},
-                    receipts=self.receipts,
+                    mission="m1",
                     truth=truth_object(
                         dict(zip(ROBOTS, picture.robots.positions.tolist(), strict=True)),
                         dict(zip(TARGETS, picture.tracks.positions.tolist(), strict=True)),

@@ -31,7 +31,7 @@ def message(picture: Snapshot | None = None, **changes: Any) -> dict[str, Any]:
         "field": FIELD,
         "weight_bounds": (LOWER, UPPER),
         "attacks": {ZoneKind.SENSING: 3},
-        "receipts": (),
+        "mission": "m1",
     } | changes
     return snapshot_message(snapshot(30.0) if picture is None else picture, **arguments)
 
@@ -149,7 +149,7 @@ def test_attacks_of_both_kinds_are_counted() -> None:
 def test_comments_tell_each_loops_answer() -> None:
     comment = Comment("c1", "Focus on 122.", 3.0, 120.0)
     receipt = CommentReceipt(comment, task=CommentVerdict.APPLIED, task_reason="swapped")
-    assert message(receipts=(receipt,))["comments"] == [
+    assert message(snapshot(3.0, receipts=(receipt,)))["comments"] == [
         {
             "id": "c1",
             "text": "Focus on 122.",

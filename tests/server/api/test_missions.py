@@ -94,8 +94,10 @@ async def test_starting_gives_world_and_planner_their_parameters(
     client: httpx.AsyncClient, stage: Stage
 ) -> None:
     await flying(client)
-    assert stage.worlds[0].requests == [("start", {"w": 1, "mission": "m1"})]
-    assert stage.planners[0].requests == [("start", {"p": 1, "mission": "m1"})]
+    endpoint = "tcp/127.0.0.1:7"
+    job = {"mission": "m1", "job": {"p": 1}, "endpoint": None}
+    assert stage.planners[0].requests == [("prepare", job), ("start", {})]
+    assert stage.worlds[0].requests == [("start", {"job": {"w": 1}, "endpoint": endpoint})]
 
 
 @pytest.mark.asyncio
@@ -183,6 +185,7 @@ async def test_a_process_that_dies_fails_the_mission_and_can_be_started_again(
     again = await client.post(f"{API}/missions/{mission}/start")
     assert again.json()["state"] == "running"
     assert len(stage.planners) == 2
+    assert stage.planners[1].requests[0][1]["endpoint"] == "tcp/127.0.0.1:7"
     assert len(stage.worlds) == 1  # the world went on, its vehicles held
 
 

@@ -1,0 +1,50 @@
+"""What a planner process is told before it starts: one JSON object over its channel."""
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+from pydantic import TypeAdapter, ValidationError
+
+from server.mission.setup import MissionSetup
+from vehicles.zenoh_settings import ZenohMode, ZenohSettings
+
+LOOPBACK: Final = ZenohSettings(mode=ZenohMode.ROUTER, listen=("tcp/127.0.0.1:0",))
+"""A bus of its own, for vehicles that are simulated beside it."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlannerJob:
+    """One mission to fly. Keys of models come from the process's own settings, never from here."""
+
+    setup: MissionSetup
+    llm: str
+    """mock, none, or the address of an OpenAI-compatible API."""
+
+    bus: ZenohSettings = LOOPBACK
+    comments: tuple[tuple[float, str], ...] = ()
+    """(mission time, text) said by themselves."""
+
+
+class JobError(ValueError):
+    """Raised when an object is not a job; the message names the fields."""
+
+
+_JOB: Final = TypeAdapter(PlannerJob)
+
+
+def dump_job(job: PlannerJob) -> dict[str, Any]:
+    """Return a job as JSON values."""
+    values: dict[str, Any] = _JOB.dump_python(job, mode="json")
+    return values
+
+
+def load_job(values: object) -> PlannerJob:
+    """Return the job that JSON values describe. Raises JobError."""
+    try:
+        return _JOB.validate_python(values)
+    except ValidationError as error:
+        problems = (
+            f"{'.'.join(str(part) for part in problem['loc']) or 'job'}: {problem['msg']}"
+            for problem in error.errors(include_url=False, include_input=False)
+        )
+        raise JobError("; ".join(problems)) from None

@@ -1,0 +1,83 @@
+"""The solve in a thread of its own, with an end to patience.
+
+An engine that hangs in native code cannot be stopped. So the tick waits for it as long as it can
+afford and no longer: then the last plan goes on (or the team brakes), tick after tick, until
+the engine comes back. Its late answer is thrown away.
+"""
+
+import asyncio
+import threading
+from collections.abc import Callable
+from queue import SimpleQueue
+
+import structlog
+
+from solver.planner import Planner
+from solver.problem import Budget, EngineFailed, Problem, Solution
+
+log = structlog.get_logger(__name__)
+
+_Job = Callable[[], None]
+
+
+class AbsentEngine:
+    """The engine that is not there: the planner falls back to the last plan, or brakes."""
+
+    name = "absent"
+
+    def solve(self, problem: Problem, budget: Budget) -> Solution:
+        """Raise EngineFailed."""
+        raise EngineFailed("no answer in time")
+
+
+class SolveThread:
+    """Solves one problem at a time beside the event loop. Use it as a context.
+
+    The thread is a daemon: a solve that hangs for ever does not keep the process from ending.
+    """
+
+    def __init__(self, planner: Planner) -> None:
+        self._planner = planner
+        self._fallback = Planner(AbsentEngine())
+        self._jobs: SimpleQueue[_Job | None] = SimpleQueue()
+        self._busy = False
+        self.stuck = 0
+        """Solves that were not waited for to the end."""
+
+    def __enter__(self) -> "SolveThread":
+        threading.Thread(target=self._work, name="solve", daemon=True).start()
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self._jobs.put(None)
+
+    async def solve(self, problem: Problem, budget: Budget, patience_s: float) -> Solution:
+        """Return the planner's solution, or the fallback's after `patience_s`. Never raises."""
+        if self._busy:
+            return self._fallback.solve(problem, budget)
+        loop = asyncio.get_running_loop()
+        answer: asyncio.Future[Solution] = loop.create_future()
+
+        def deliver(solution: Solution) -> None:
+            self._busy = False
+            if not answer.done():
+                answer.set_result(solution)
+
+        def work() -> None:
+            solution = self._planner.solve(problem, budget)
+            if not loop.is_closed():
+                loop.call_soon_threadsafe(deliver, solution)
+
+        self._busy = True
+        self._jobs.put(work)
+        try:
+            async with asyncio.timeout(patience_s):
+                return await answer
+        except TimeoutError:
+            self.stuck += 1
+            log.error("the solve does not come back", patience_s=patience_s, times=self.stuck)
+            return self._fallback.solve(problem, budget)
+
+    def _work(self) -> None:
+        while (job := self._jobs.get()) is not None:
+            job()
