@@ -30,7 +30,9 @@ def fill_box(setting: Table, robots: Table, movement: Movement) -> None:
             x, v = robot.position[axis], robot.velocity[axis]
             scale = step
             if setting.double:
-                low, high = _narrowed(low, high, (-robot.speed - v) / step, (robot.speed - v) / step)
+                low, high = _narrowed(
+                    low, high, (-robot.speed - v) / step, (robot.speed - v) / step
+                )
                 x += step * v
                 scale = 0.5 * step * step
             low, high = _narrowed(

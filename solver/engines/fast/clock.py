@@ -1,6 +1,7 @@
 """The monotonic clock, readable inside a kernel."""
 
 import time
+from typing import Any
 
 import numpy as np
 from numba import types
@@ -9,7 +10,7 @@ from solver.arrays import IntArray
 from solver.engines.fast.jit import inlined
 
 _CLOCK = time.CLOCK_MONOTONIC
-_clock_gettime = types.ExternalFunction(
+_clock_gettime: Any = types.ExternalFunction(
     "clock_gettime", types.int32(types.int32, types.voidptr)
 )
 
@@ -21,4 +22,4 @@ def now(timespec: IntArray) -> float:
     `timespec` is scratch of shape (2,), int64.
     """
     _clock_gettime(np.int32(_CLOCK), timespec.ctypes)
-    return timespec[0] + 1e-9 * timespec[1]
+    return float(timespec[0] + 1e-9 * timespec[1])

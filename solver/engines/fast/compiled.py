@@ -71,30 +71,37 @@ class _Locator:
         return self._key
 
 
-class _Implementation(CompileResultCacheImpl):  # type: ignore[misc]
-    _locator_classes = (_Locator,)
+class _Implementation(CompileResultCacheImpl):
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self._locator_classes: list[Any] = [_Locator]
+        super().__init__(function)  # type: ignore[no-untyped-call]
 
 
-class _Cache(FunctionCache):  # type: ignore[misc]
+class _Cache(FunctionCache):
     _impl_class = _Implementation
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Save the machine code; a read-only disk costs the next start time, nothing else."""
         try:
-            super().save_overload(sig, data)
+            super().save_overload(sig, data)  # type: ignore[no-untyped-call]
         except OSError as error:
             _log.warning("compiled kernels could not be cached: %s", error)
 
 
-@cache
-def compiled() -> Callable[..., Answer]:
-    """Return the routine as machine code, from the cache or compiled now (seconds).
+def compile_cached(function: Callable[..., Any], signature: Any) -> Callable[..., Any]:
+    """Return a function as machine code, from the cache or compiled now (seconds).
 
     Raises:
         numba.core.errors.NumbaError: It cannot be compiled on this machine.
     """
-    dispatcher = numba.njit(nogil=True, error_model="numpy")(routine)
-    dispatcher._cache = _Cache(routine)
-    dispatcher.compile(signature())
+    dispatcher: Any = numba.njit(nogil=True, error_model="numpy")(function)
+    dispatcher._cache = _Cache(function)  # type: ignore[no-untyped-call]
+    dispatcher.compile(signature)
     dispatcher.disable_compile()
-    return cast(Callable[..., Answer], dispatcher)
+    return cast(Callable[..., Any], dispatcher)
+
+
+@cache
+def compiled() -> Callable[..., Answer]:
+    """Return the routine, compiled once in a process."""
+    return compile_cached(routine, signature())

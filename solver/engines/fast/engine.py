@@ -1,32 +1,12 @@
 """The fast engine: packs a problem, runs the compiled routine, unpacks the answer."""
 
-import time
+from math import isfinite
+from time import monotonic
 
-import numpy as np
-from numpy.typing import NDArray
-
-from solver.arrays import FloatArray
 from solver.engines.fast.compiled import compiled
-from solver.engines.fast.request import Hazards, Movement, Safety, Start, Targets
-from solver.objective import (
-    MATE_SMOOTHING_M,
-    PRIOR_GREATEST,
-    PRIOR_LEAST,
-    TARGET_FLOOR_M,
-    ZONE_SMOOTHING_M,
-)
-from solver.problem import (
-    Budget,
-    Dynamics,
-    EngineFailed,
-    Problem,
-    Rung,
-    Solution,
-    ZoneTable,
-)
-
-_NOTHING = np.zeros((0, 0, 0))
-_NOTHING.setflags(write=False)
+from solver.engines.fast.layout import MAX_STEPS
+from solver.engines.fast.packing import packed
+from solver.problem import Budget, EngineFailed, Problem, Rung, Solution
 
 
 class FastEngine:
@@ -41,20 +21,16 @@ class FastEngine:
         the compiled routine, or compiles it where no cache is found.
 
         Raises:
-            EngineFailed: The objective is not finite.
+            EngineFailed: The horizon is too long, or the objective is not finite.
         """
+        if not 1 <= problem.horizon <= MAX_STEPS:
+            raise EngineFailed(f"horizon {problem.horizon} is not within 1 to {MAX_STEPS}")
         run = compiled()
-        began = time.monotonic()
-        deadline = np.inf if budget.deadline_s is None else began + budget.deadline_s
+        began = monotonic()
         controls, positions, velocities, objective, steps, converged = run(
-            _movement(problem),
-            _targets(problem),
-            _hazards(problem.sensing, problem.weights.sensing),
-            _hazards(problem.communication, problem.weights.communication),
-            _safety(problem),
-            _start(problem, budget.iterations, float(deadline)),
+            *packed(problem, problem.previous, budget)
         )
-        if not np.isfinite(objective):
+        if not isfinite(objective):
             raise EngineFailed(f"the objective is {objective}")
         for array in (controls, positions, velocities):
             array.setflags(write=False)
@@ -66,83 +42,6 @@ class FastEngine:
             objective=objective,
             rung=Rung.CONVERGED if converged else Rung.FEASIBLE,
             iterations=steps,
-            solve_s=time.monotonic() - began,
+            solve_s=monotonic() - began,
             engine=self.name,
         )
-
-
-def _fixed(values: NDArray[np.generic], dtype: type = np.float64) -> NDArray[np.generic]:
-    """Return a contiguous read-only view, which is what the signature asks for."""
-    flags = values.flags
-    if values.dtype == dtype and flags.c_contiguous and not flags.writeable:
-        return values
-    view = np.ascontiguousarray(values, dtype=dtype).view()
-    view.setflags(write=False)
-    return view
-
-
-def _movement(problem: Problem) -> Movement:
-    return Movement(
-        step=problem.step_s,
-        double=problem.dynamics is Dynamics.DOUBLE_INTEGRATOR,
-        positions=_fixed(problem.positions),
-        velocities=_fixed(problem.velocities),
-        control_lower=_fixed(problem.control_lower),
-        control_upper=_fixed(problem.control_upper),
-        speed=_fixed(problem.speed_limit),
-        field_lower=_fixed(problem.field_lower),
-        field_upper=_fixed(problem.field_upper),
-        field_weight=problem.field_weight,
-        effort=problem.weights.control,
-        order=_fixed(problem.positions[:, 0].argsort(kind="stable"), np.int64),
-    )
-
-
-def _targets(problem: Problem) -> Targets:
-    sensor = problem.sensor
-    return Targets(
-        seen=_fixed(np.flatnonzero(problem.sees), np.int64),
-        means=_fixed(problem.target_means),
-        priors=_fixed(problem.target_priors),
-        growth=_fixed(problem.target_growth),
-        range_peak=sensor.range_peak,
-        range_shape=sensor.range_shape,
-        bearing_peak=sensor.bearing_peak,
-        bearing_shape=sensor.bearing_shape,
-        floor=TARGET_FLOOR_M,
-        weight=problem.weights.tracking,
-        prior_least=PRIOR_LEAST,
-        prior_greatest=PRIOR_GREATEST,
-    )
-
-
-def _hazards(table: ZoneTable, weight: float) -> Hazards:
-    return Hazards(
-        centres=_fixed(table.centres),
-        covariances=_fixed(table.covariances),
-        margins=_fixed(table.margins),
-        quantiles=_fixed(table.quantiles),
-        severities=_fixed(table.severities),
-        known=_fixed(table.known, np.bool_),
-        weight=weight,
-    )
-
-
-def _safety(problem: Problem) -> Safety:
-    return Safety(
-        obstacles=_fixed(problem.obstacles),
-        distance=problem.min_dist_m,
-        weight=problem.separation_weight,
-        zone_smoothing=ZONE_SMOOTHING_M,
-        mate_smoothing=MATE_SMOOTHING_M,
-    )
-
-
-def _start(problem: Problem, iterations: int, deadline: float) -> Start:
-    previous = problem.previous
-    return Start(
-        previous=_NOTHING if previous is None else _fixed(previous),
-        replan=_fixed(problem.replan, np.bool_),
-        iterations=iterations,
-        deadline=deadline,
-    )

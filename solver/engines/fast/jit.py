@@ -20,9 +20,7 @@ def kernel(function: _Function) -> _Function:
 
 def inlined(function: _Function) -> _Function:
     """Mark a small function that is always expanded where it is called."""
-    return cast(
-        _Function, numba.njit(nogil=True, error_model="numpy", forceinline=True)(function)
-    )
+    return cast(_Function, numba.njit(nogil=True, error_model="numpy", forceinline=True)(function))
 
 
 def merged(function: _Function) -> _Function:
@@ -31,6 +29,4 @@ def merged(function: _Function) -> _Function:
     Every function compiled on its own is optimised again with each of its callers, so layers
     cost compiling time.
     """
-    return cast(
-        _Function, numba.njit(nogil=True, error_model="numpy", inline="always")(function)
-    )
+    return cast(_Function, numba.njit(nogil=True, error_model="numpy", inline="always")(function))

@@ -5,6 +5,9 @@ number of fields, which keeps calls cheap and compiling short. Lists are rows of
 arrays: a robot's field `(first, last)` says which part of the list is its own. Horizons go
 to MAX_STEPS; the unknowns of a robot are ordered (step, axis). Symmetric 2x2 matrices are
 three numbers (xx, xy, yy). Frame ENU, metres, seconds.
+
+A record taken out of a table does not keep the table alive. Kernels get theirs from a caller
+that holds the team; the outermost function uses the team once more after its last record.
 """
 
 from typing import Any, NamedTuple, TypeAlias
@@ -123,7 +126,7 @@ WORK = np.dtype(
     [
         ("u", "f8", _VECTOR),
         ("trial", "f8", _VECTOR),
-        ("fresh", "f8", _VECTOR),
+        ("best", "f8", _VECTOR),
         ("direction", "f8", _VECTOR),
         ("gradient", "f8", _VECTOR),  # by controls
         ("path", "f8", _PER_STEP),

@@ -45,9 +45,7 @@ def _can_tell(setting: Table, robot: Table, target: Table) -> bool:
             variance += target.growth[k, 0] + target.growth[k, 2]
         nearest = min(
             nearest,
-            hypot(
-                target.means[k, 0] - robot.position[0], target.means[k, 1] - robot.position[1]
-            ),
+            hypot(target.means[k, 0] - robot.position[0], target.means[k, 1] - robot.position[1]),
         )
     nearest = max(nearest - robot.reach, 0.0)
     most = setting.range_peak * exp(-setting.range_shape * nearest)
@@ -130,7 +128,7 @@ def _widest_spread(setting: Table, robots: Table, i: int) -> float:
             farthest = max(farthest, _between(robots, i, mate) + robots[mate].reach)
     if robots.shape[0] < 2:
         return 0.0
-    return farthest + float(robots[i].reach) + setting.blend * log(robots.shape[0])
+    return farthest + float(robots[i].reach + setting.blend * log(robots.shape[0]))
 
 
 @kernel
@@ -242,9 +240,7 @@ def disc_list(setting: Table, robots: Table, obstacles: FloatArray) -> IntArray:
         robot = robots[i]
         robot.discs[0] = count
         for at in range(obstacles.shape[0]):
-            gap = hypot(
-                obstacles[at, 0] - robot.position[0], obstacles[at, 1] - robot.position[1]
-            )
+            gap = hypot(obstacles[at, 0] - robot.position[0], obstacles[at, 1] - robot.position[1])
             if gap < setting.distance + setting.smooth + robot.reach:
                 discs[count] = at
                 count += 1

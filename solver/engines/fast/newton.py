@@ -14,7 +14,7 @@ _ARMIJO = 1e-4
 _HALVINGS = 14
 
 
-@merged
+@kernel
 def _find_free(team: Team, i: int, u: FloatArray) -> int:
     """List the controls that are not held at a bound by their gradient."""
     robot, work = team.robots[i], team.work[0]
@@ -28,7 +28,7 @@ def _find_free(team: Team, i: int, u: FloatArray) -> int:
     return count
 
 
-@merged
+@kernel
 def _aim(team: Team, count: int) -> float:
     """Fill the direction -|H|^-1 g over the free controls, return the predicted decrease."""
     work = team.work[0]
@@ -75,7 +75,7 @@ def _search(team: Team, i: int, rows: int, u: FloatArray, start: float) -> float
     return start
 
 
-@kernel
+@merged
 def descend(
     team: Team, i: int, rows: int, u: FloatArray, most: int, deadline: float
 ) -> tuple[float, float, int, bool]:

@@ -10,15 +10,12 @@ would tremble between equals.
 from solver.arrays import FloatArray
 from solver.engines.fast.jit import kernel
 from solver.engines.fast.layout import Team
-from solver.engines.fast.newton import descend
 from solver.engines.fast.robot import cost
 
 HYSTERESIS = 1e-4
 """Relative gain below which the plan stays as it is."""
 
 _DIRECTIONS = 9
-_STEPS = 8
-"""Newton steps per probe."""
 
 
 @kernel
@@ -35,24 +32,12 @@ def _constant_plan(team: Team, i: int, direction: int, u: FloatArray) -> None:
 
 
 @kernel
-def probe(team: Team, i: int, rows: int, value: float, deadline: float) -> tuple[float, int]:
-    """Try a fresh start for robot i, whose plan costs `value` and stands in work.u.
-
-    Where the fresh start ends lower (by the hysteresis, unless it is to be replanned), it
-    takes the plan's place. Returns the cost of the plan then in work.u, and the Newton steps.
-    """
-    work, robot = team.work[0], team.robots[i]
+def fresh_start(team: Team, i: int, rows: int, u: FloatArray) -> None:
+    """Fill u (2H,) with the best of the constant plans."""
     chosen, least = 0, 0.0
     for direction in range(_DIRECTIONS):
-        _constant_plan(team, i, direction, work.fresh)
-        reached = cost(team, i, rows, work.fresh)
+        _constant_plan(team, i, direction, u)
+        reached = cost(team, i, rows, u)
         if direction == 0 or reached < least:
             chosen, least = direction, reached
-    _constant_plan(team, i, chosen, work.fresh)
-    _, reached, steps, _ = descend(team, i, rows, work.fresh, _STEPS, deadline)
-    margin = 0.0 if robot.replan else HYSTERESIS
-    if reached < value - margin * abs(value):
-        for at in range(2 * team.setting[0].steps):
-            work.u[at] = work.fresh[at]
-        return reached, steps
-    return value, steps
+    _constant_plan(team, i, chosen, u)

@@ -127,8 +127,8 @@ def _tuple(kind: type, **fields: Any) -> Any:
     return types.NamedTuple([fields[name] for name in kind._fields], kind)  # type: ignore[attr-defined]
 
 
-def signature() -> Any:
-    """Return the explicit signature of the compiled routine."""
+def request_types() -> tuple[Any, ...]:
+    """Return the types of the six parts of a request."""
     number, whole, truth = types.float64, types.int64, types.boolean
     vector, matrix, stack = _array(number, 1), _array(number, 2), _array(number, 3)
     movement = _tuple(
@@ -182,6 +182,11 @@ def signature() -> Any:
     start = _tuple(
         Start, previous=stack, replan=_array(truth, 1), iterations=whole, deadline=number
     )
-    plan = types.Array(number, 3, "C")
-    answer = types.Tuple((plan, plan, plan, number, whole, truth))
-    return answer(movement, targets, hazards, hazards, safety, start)
+    return movement, targets, hazards, hazards, safety, start
+
+
+def signature() -> Any:
+    """Return the explicit signature of the compiled routine."""
+    plan = types.Array(types.float64, 3, "C")
+    answer = types.Tuple((plan, plan, plan, types.float64, types.int64, types.boolean))
+    return answer(*request_types())

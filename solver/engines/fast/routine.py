@@ -3,7 +3,7 @@
 import numpy as np
 
 from solver.arrays import FloatArray
-from solver.engines.fast.jit import merged
+from solver.engines.fast.jit import kernel, merged
 from solver.engines.fast.layout import Team
 from solver.engines.fast.request import Hazards, Movement, Safety, Start, Targets
 from solver.engines.fast.robot import settle, team_cost
@@ -29,7 +29,7 @@ def routine(
         robot that took most; whether it converged.
     """
     team = assemble(movement, targets, sensing, communication, safety, start)
-    _begin(team, start.previous)
+    begin(team, start.previous)
     converged = improve(team, team_cost(team), start.iterations, start.deadline)
     shape = (team.robots.shape[0], team.setting[0].steps, 2)
     controls, positions, velocities = np.empty(shape), np.empty(shape), np.empty(shape)
@@ -38,7 +38,7 @@ def routine(
 
 
 @merged
-def _begin(team: Team, previous: FloatArray) -> None:
+def begin(team: Team, previous: FloatArray) -> None:
     """Start from the last plan moved into the box, or from rest."""
     u = team.work[0].u
     for i in range(team.robots.shape[0]):
@@ -51,7 +51,7 @@ def _begin(team: Team, previous: FloatArray) -> None:
         settle(team, i, u)
 
 
-@merged
+@kernel
 def _read_plans(
     team: Team, controls: FloatArray, positions: FloatArray, velocities: FloatArray
 ) -> int:

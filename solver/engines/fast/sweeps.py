@@ -9,7 +9,7 @@ from solver.engines.fast.clock import now
 from solver.engines.fast.jit import merged
 from solver.engines.fast.layout import Team
 from solver.engines.fast.newton import TOLERANCE, descend
-from solver.engines.fast.probes import probe
+from solver.engines.fast.probes import HYSTERESIS, fresh_start
 from solver.engines.fast.robot import gather, settle
 
 SWEEPS = 6
@@ -31,10 +31,9 @@ def improve(team: Team, objective: float, iterations: int, deadline: float) -> b
         for i in range(team.robots.shape[0]):
             robot = team.robots[i]
             if robot.stale:
-                left = iterations - robot.taken
-                if left <= 0 or now(team.work[0].timespec) > deadline:
+                if robot.taken >= iterations or now(team.work[0].timespec) > deadline:
                     return False
-                decrease += visit(team, i, min(most, left), deadline)
+                decrease += visit(team, i, min(most, iterations - robot.taken), deadline)
             stale = stale or robot.stale
         objective -= decrease
         if decrease <= RELATIVE_DECREASE * objective:
@@ -45,22 +44,32 @@ def improve(team: Team, objective: float, iterations: int, deadline: float) -> b
 @merged
 def visit(team: Team, i: int, most: int, deadline: float) -> float:
     """Improve robot i's plan; return by how much that lowers the team's objective."""
-    robot, u = team.robots[i], team.work[0].u
+    robot, work = team.robots[i], team.work[0]
+    size = 2 * team.setting[0].steps
     rows = gather(team, i)
-    for at in range(2 * team.setting[0].steps):
-        u[at] = robot.plan[at]
-    before, value, steps, converged = descend(team, i, rows, u, most, deadline)
-    if robot.probe:
-        robot.probe = False
-        value, more = probe(team, i, rows, value, deadline)
-        steps += more
-    robot.taken += steps
-    robot.stale = not converged
-    if value < before:
-        settle(team, i, u)
-        if before - value > TOLERANCE * before:
+    best = first = 0.0
+    for attempt in range(2 if robot.probe else 1):
+        if attempt == 0:
+            for at in range(size):
+                work.u[at] = robot.plan[at]
+        else:
+            fresh_start(team, i, rows, work.u)
+        before, value, steps, converged = descend(team, i, rows, work.u, most, deadline)
+        robot.taken += steps
+        if attempt == 0:
+            first = before
+            robot.stale = not converged
+        margin = HYSTERESIS if attempt > 0 and not robot.replan else 0.0
+        if attempt == 0 or value < best - margin * abs(best):
+            best = value
+            for at in range(size):
+                work.best[at] = work.u[at]
+    robot.probe = False
+    if best < first:
+        settle(team, i, work.best)
+        if first - best > TOLERANCE * first:
             _spoil(team, i)
-    return before - value
+    return first - best
 
 
 @merged

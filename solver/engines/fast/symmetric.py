@@ -31,9 +31,7 @@ def sandwich(p0: float, p1: float, p2: float, s0: float, s1: float, s2: float) -
 
 
 @inlined
-def lifted(
-    a: float, b: float, c: float, d: float, s0: float, s1: float, s2: float
-) -> Symmetric:
+def lifted(a: float, b: float, c: float, d: float, s0: float, s1: float, s2: float) -> Symmetric:
     """Return A S A' for A = [[a, b], [c, d]]."""
     m00 = a * s0 + b * s1
     m01 = a * s1 + b * s2
