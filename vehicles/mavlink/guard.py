@@ -88,6 +88,7 @@ class Guard:
         self._leg: Leg | None = None
         self._hold_at: Vector | None = None
         self._held = False
+        self._commanded = False
         self._linked = False
         self._back_s = float("-inf")
         self._placed = True
@@ -111,6 +112,7 @@ class Guard:
             self._objected = True
             return
         self._objected = False
+        self._commanded = True
         self._hold_at = None
         self._leg = Leg(setpoint, start, now_s)
 
@@ -127,6 +129,7 @@ class Guard:
         if objection is not None:
             self._tell(BodyEventKind.REFUSED, f"{order.value}: {objection}", now_s, order_id)
             return
+        self._commanded = True
         dialect = self._settings.dialect
         if order is Order.HOLD:
             self._held = True
@@ -321,10 +324,14 @@ class Guard:
         return self._leg is not None and now_s < self._leg.until_s
 
     def _streams(self) -> bool:
-        """Tell whether targets are to flow: to follow, or to be allowed to."""
+        """Tell whether targets are to flow: to follow, or to be allowed to.
+
+        Not before a planner or an operator has said a word: what is heard on the link alone never
+        makes a setpoint.
+        """
         if self._undertaking is not None:
             return self._undertaking.order in (Order.RESUME, Order.TAKE_OFF)
-        return self.control is Control.FOLLOWING
+        return self.control is Control.FOLLOWING and self._commanded
 
     def _target(self, alignment: Alignment | None, now_s: float) -> Target | None:
         if not self._fresh_position(now_s):
