@@ -194,7 +194,7 @@ async def test_publishing_never_holds_up_the_loop_and_closing_leaves_no_thread()
             started = monotonic()
             vehicle.publish(KEYS.robot(7, topic), b"x" * 300)
             worst = max(worst, monotonic() - started)
-        assert worst < 0.25
+        assert worst < 1.0, "a put that blocks would take five seconds"
         assert vehicle.dropped == 0
     left = {thread.name for thread in threading.enumerate()} - before
     assert not {name for name in left if name.startswith("zenoh-writer")}
