@@ -23,19 +23,7 @@ from pydantic_settings import (
 SETTINGS_FILE = "falconer.toml"
 PREFIX = "FALCONER_"
 
-NOT_BUILT = frozenset(
-    {
-        "database_url",
-        "recordings",
-        "session_secret",
-        "zenoh_config_file",
-        "zenoh_password",
-        "zenoh_tls_certificate",
-        "zenoh_tls_key",
-        "zenoh_tls_root_ca",
-        "zenoh_user",
-    }
-)
+NOT_BUILT = frozenset({"database_url", "recordings", "session_secret"})
 """Names that are reserved: setting one is refused until its feature is there."""
 
 ENVIRONMENT_ONLY = frozenset({"cache_dir"})

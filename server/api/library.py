@@ -7,7 +7,8 @@ from http import HTTPStatus
 from server.api.catalogue import Definition
 from server.api.errors import ServiceError
 from server.api.models import Clock, LlmProfile, MissionRequest, ScenarioInfo
-from server.live.job import LOOPBACK, PlannerJob
+from server.bus import planner_bus
+from server.live.job import PlannerJob
 from server.live.job import dump_job as dump_planner_job
 from server.mission.setup import MissionSetup
 from server.scenarios import library
@@ -18,7 +19,7 @@ from vehicles.sim_worker import SimulationJob
 from vehicles.sim_worker import dump_job as dump_world_job
 from vehicles.simulation import SimulationSettings
 from vehicles.world.setup import WorldSetup
-from vehicles.zenoh_settings import ZenohMode, ZenohSettings
+from vehicles.zenoh_settings import ZenohSettings
 
 ENDPOINT = "endpoint"
 """The profile of the model that the settings name."""
@@ -86,7 +87,7 @@ def define_live(
     """
     elsewhere = settings.zenoh_connect is not None or settings.zenoh_listen is not None
     address = settings.llm_base_url if llm == ENDPOINT and settings.llm_base_url else llm
-    job = PlannerJob(setup, address, _bus(settings), tuple(comments))
+    job = PlannerJob(setup, address, planner_bus(settings), tuple(comments))
     return Definition(
         scenario=setup.name,
         llm=llm,
@@ -95,15 +96,6 @@ def define_live(
         planner=dump_planner_job(job),
         world=None if elsewhere else _world(setup, world),
     )
-
-
-def _bus(settings: Settings) -> ZenohSettings:
-    """Return the planner's place on the bus."""
-    listen = () if settings.zenoh_listen is None else (settings.zenoh_listen,)
-    if settings.zenoh_connect is not None:
-        mode = ZenohMode.ROUTER if listen else ZenohMode.CLIENT
-        return ZenohSettings(mode=mode, connect=(settings.zenoh_connect,), listen=listen)
-    return ZenohSettings(mode=ZenohMode.ROUTER, listen=listen) if listen else LOOPBACK
 
 
 def _world(setup: MissionSetup, world: WorldSetup) -> dict[str, object]:

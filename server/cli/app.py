@@ -4,12 +4,25 @@ import sys
 
 import typer
 
+from server.api.security import ExposureRefused
 from server.cli.errors import UsageError
 from server.cli.mock import mock_llm
 from server.cli.run import run
+from server.cli.serve import serve
+from server.cli.simulate import sim
 from server.models import ModelUnavailable
 from server.scenarios.errors import ScenarioError
+from server.settings import SettingsError
 from solver.engines import EngineUnavailable
+
+_BAD_INPUT = (
+    UsageError,
+    ScenarioError,
+    SettingsError,
+    ModelUnavailable,
+    EngineUnavailable,
+    ExposureRefused,
+)
 
 app = typer.Typer(
     name="falconer",
@@ -20,6 +33,8 @@ app = typer.Typer(
     "with language models in the loop and people in charge.",
 )
 app.command()(run)
+app.command()(serve)
+app.command()(sim)
 app.command("mock-llm")(mock_llm)
 
 
@@ -32,7 +47,7 @@ def main() -> None:
     """Run the command line; bad input ends in one sentence and exit code 2."""
     try:
         app()
-    except (UsageError, ScenarioError, ModelUnavailable, EngineUnavailable) as error:
+    except _BAD_INPUT as error:
         print(f"falconer: {error}", file=sys.stderr)
         sys.exit(2)
     except KeyboardInterrupt:

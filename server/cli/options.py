@@ -2,12 +2,33 @@
 
 import math
 from enum import StrEnum
+from typing import Annotated
+
+import typer
 
 from server.cli.errors import UsageError
 from server.lockstep.advice import PAPER_LATENCY, Latency
 from server.lockstep.driver import ScriptedComment
 
 MAX_COMMENT_CHARS = 2000
+
+
+ScenarioArgument = Annotated[
+    str,
+    typer.Argument(
+        metavar="SCENARIO",
+        help="A file, a name such as demo, or one of the paper authors' experiment files.",
+    ),
+]
+LlmOption = Annotated[
+    str,
+    typer.Option(
+        "--llm",
+        metavar="mock|none|URL",
+        help="Who advises: the built-in rule model, nobody, or an OpenAI-compatible endpoint "
+        "(model and key from FALCONER_LLM_MODEL and FALCONER_LLM_API_KEY).",
+    ),
+]
 
 
 class EngineName(StrEnum):

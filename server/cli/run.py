@@ -10,29 +10,19 @@ import typer
 from rich.console import Console
 
 from server.cli.errors import UsageError
-from server.cli.options import EngineName, latency_option, scripted_comments
+from server.cli.options import (
+    EngineName,
+    LlmOption,
+    ScenarioArgument,
+    latency_option,
+    scripted_comments,
+)
 from server.cli.progress import progress_bar
 from server.cli.tables import comment_lines, result_table
 from server.mission.setup import GateMode, MissionSetup
 from server.models import checked_choice
-from server.settings import Settings
+from server.settings import load_settings
 
-ScenarioArgument = Annotated[
-    str,
-    typer.Argument(
-        metavar="SCENARIO",
-        help="A file, a name such as demo, or one of the paper authors' experiment files.",
-    ),
-]
-LlmOption = Annotated[
-    str,
-    typer.Option(
-        "--llm",
-        metavar="mock|none|URL",
-        help="Who advises: the built-in rule model, nobody, "
-        "or an OpenAI-compatible endpoint (model and key from FALCONER_LLM_MODEL, _API_KEY).",
-    ),
-]
 GateOption = Annotated[
     GateMode | None,
     typer.Option("--gate", help="What a verified proposal must still pass."),
@@ -68,7 +58,9 @@ def run(
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Also write result.json there.")
     ] = None,
-    port: Annotated[int, typer.Option(min=1, max=65535, help="Of the live console.")] = 8000,
+    port: Annotated[
+        int | None, typer.Option(min=0, max=65535, help="Of the live console; default 8000.")
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
 ) -> None:
     """Fly SCENARIO: live with the console on http://127.0.0.1:PORT, or in --lockstep."""
@@ -78,19 +70,26 @@ def run(
     setup = _adjusted(chosen.mission_setup(), gate, seed, steps, engine)
     comments = scripted_comments(comment or [])
     latency = latency_option(llm_latency)
+    llm = checked_choice(llm)
+    settings = load_settings(port=port)
     if not lockstep:
-        from server.cli.live import run_live
+        from server.api.library import define_live
+        from server.cli.live import serve_live
 
-        run_live(chosen, setup, llm=llm, comments=comments, port=port, as_json=as_json)
+        said = [(said.time_s, said.text) for said in comments]
+        definition = define_live(setup, chosen.world_setup(), llm, settings, said)
+        figures = serve_live(settings, definition, until_over=True)
+        if figures is not None:
+            _deliver(figures, out, as_json=as_json)
         return
     from server.lockstep.assembly import Assembly
 
     assembly = Assembly(
         setup=setup,
         world=chosen.world_setup(),
-        llm=checked_choice(llm),
+        llm=llm,
         latency=latency,
-        settings=Settings(),
+        settings=settings,
     )
     with progress_bar(f"{setup.name} seed {setup.seed}", setup.steps) as progress:
         result = asyncio.run(assembly.run(comments, progress))

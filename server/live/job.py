@@ -5,11 +5,9 @@ from typing import Any, Final
 
 from pydantic import TypeAdapter, ValidationError
 
+from server.bus import LOOPBACK
 from server.mission.setup import MissionSetup
-from vehicles.zenoh_settings import ZenohMode, ZenohSettings
-
-LOOPBACK: Final = ZenohSettings(mode=ZenohMode.ROUTER, listen=("tcp/127.0.0.1:0",))
-"""A bus of its own, for vehicles that are simulated beside it."""
+from vehicles.zenoh_settings import ZenohSettings
 
 
 @dataclass(frozen=True, slots=True)
