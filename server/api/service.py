@@ -312,7 +312,7 @@ class MissionService:
 
         def receive(said: Frame) -> None:
             record.receive(said)
-            if record.state is MissionState.ENDED:
+            if record.state is MissionState.ENDED and not record.change.locked():
                 task.cancel()
 
         async def run() -> None:

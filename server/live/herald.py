@@ -19,9 +19,11 @@ from server.mission.setup import MissionSetup
 from solver.directives import Verdict
 from solver.snapshot import Snapshot
 from solver.zones import ZoneKind
-from vehicles.messages import Truth
+from vehicles.messages import Mode, Truth
 from vehicles.team_link import Notice
 from vehicles.translation import zone_of
+
+_TROUBLE = frozenset({"duplicate", "refused", "dropped", "unknown"})
 
 
 class Herald:
@@ -66,10 +68,13 @@ class Herald:
         )
 
     def notice(self, notice: Notice) -> None:
-        """Tell what a robot or the link said to people."""
+        """Tell what a robot or the link said to people; that it flies goes without saying."""
+        if notice.code == "mode" and notice.text.startswith(Mode.FLYING):
+            return
         who = "" if notice.robot_id is None else f"Robot {notice.robot_id}: "
         kind = EventKind.RECOVERY if notice.code == "recovery" else EventKind.LINK
-        self.say(kind, Severity.INFO, f"{who}{notice.text}", {"code": notice.code})
+        severity = Severity.WARNING if notice.code in _TROUBLE else Severity.INFO
+        self.say(kind, severity, f"{who}{notice.text}", {"code": notice.code})
 
     def outcome(
         self, consultation: Consultation, outcome: Outcome, verdict: Verdict | None

@@ -15,8 +15,9 @@ from server.live.channel import MAX_LINE_BYTES, Caller, ChannelClosed, Json, Req
 from server.live.outbox import Frame
 
 WORKER = (sys.executable, "-m", "server.live.worker")
-START_S = 30.0
-"""The child imports and answers its first request within this time."""
+START_S = 180.0
+"""The child answers its first request within this time: imports, and on the first start of all
+the compilation of the optimizer's kernels."""
 
 GRACE_S = 3.0
 """From the end of file to SIGTERM, and again to SIGKILL."""

@@ -20,14 +20,14 @@ from server.live.consulting import ModelLoop
 from server.live.figures import LiveFigures
 from server.live.herald import Herald
 from server.live.schedule import Schedule
-from server.live.solving import SolveThread
+from server.live.solving import Solver
 from server.loops import LoopClock, LoopMeter
 from server.mission.comments import MAX_STANDING
 from server.mission.downlink import knowledge_for
 from server.mission.tape import TapedCore
 from server.result import LoopTally
 from solver.directives import Proposal, Verdict
-from solver.observations import Comment, HoldChange, HoldState
+from solver.observations import Comment, HoldChange, HoldState, Link
 from solver.problem import Budget, Rung
 from solver.snapshot import CommentReceipt, Snapshot
 from vehicles.messages import PlannerState, Truth, WorldAction
@@ -44,6 +44,11 @@ KNOWLEDGE_TICKS: Final = 10
 """Each robot is told what it should know at least every so many ticks, and on changes."""
 
 PAUSED_BEAT_S: Final = 0.2
+
+MUSTER_S: Final = 3.0
+"""Robots not heard by then are missing from the start."""
+
+MUSTER_STEP_S: Final = 0.05
 
 _PLANNER_STATES: Final = {
     MissionState.RUNNING: PlannerState.RUNNING,
@@ -69,7 +74,7 @@ class LiveMission:
         self,
         terms: Terms,
         core: TapedCore,
-        solver: SolveThread,
+        solver: Solver,
         link: TeamLink,
         model: LanguageModel | None,
         tell: Callable[[Json], None],
@@ -93,6 +98,8 @@ class LiveMission:
         self._proposals: deque[tuple[Proposal, asyncio.Future[Verdict]]] = deque()
         self._script = deque(terms.comments)
         self._flying = asyncio.Event()
+        """Set while models are asked: from the first tick on, except while paused."""
+
         self._over = asyncio.Event()
         self._changed = asyncio.Event()
         self._ending: str | None = None
@@ -104,9 +111,9 @@ class LiveMission:
 
     async def run(self) -> None:
         """Fly until the mission's time is over or it is stopped."""
+        await self._muster()
         self._began_s = self._now()
         self.state = MissionState.RUNNING
-        self._flying.set()
         async with asyncio.TaskGroup() as tasks:
             loops = [
                 tasks.create_task(driver.run(self._flying), name=loop.value)
@@ -176,6 +183,17 @@ class LiveMission:
 
     # ------------------------------------------------------------------ the tick
 
+    async def _muster(self) -> None:
+        """Wait until every robot is heard, or long enough; then mission time begins."""
+        deadline_s = self._now() + MUSTER_S
+        ids = self._setup.robot_ids
+        while self._ending is None and self._now() < deadline_s:
+            for observation in self._link.drain(0.0):
+                self._core.observe(observation)
+            if all(self._link.link(robot_id) is Link.CONNECTED for robot_id in ids):
+                return
+            await asyncio.sleep(MUSTER_STEP_S)
+
     async def _fly(self) -> None:
         """Tick on a grid; a pause begins a new grid where mission time stood still."""
         base_s = 0.0
@@ -187,11 +205,19 @@ class LiveMission:
                 await asyncio.sleep(max(0.0, schedule.due_s - self._now()))
                 time_s = base_s + schedule.due_s - start_s
                 await self._tick(time_s)
+                self._let_models_speak()
                 self._meter.miss(schedule.advance(self._now()))
-                if time_s + period_s > self._setup.duration_s + 1e-9:
+                if time_s + period_s > self._setup.duration_s - 1e-9:
                     self._ending = "The mission's time is over."
             base_s += schedule.due_s - start_s
             await self._wait_paused()
+
+    def _let_models_speak(self) -> None:
+        """Let models be asked from the first tick on, and not while time stands still."""
+        if self.state is MissionState.PAUSED:
+            self._flying.clear()
+        else:
+            self._flying.set()
 
     async def _tick(self, time_s: float) -> None:
         """Take what arrived, plan, send, tell."""
@@ -300,10 +326,7 @@ class LiveMission:
 
     def _become(self, state: MissionState) -> None:
         self.state = state
-        if state is MissionState.PAUSED:
-            self._flying.clear()
-        else:
-            self._flying.set()
+        self._let_models_speak()
         self._changed.set()
         self._show(self._link.truth())
 

@@ -9,15 +9,25 @@ import asyncio
 import threading
 from collections.abc import Callable
 from queue import SimpleQueue
+from typing import Protocol
 
 import structlog
 
+from server.mission.tape import Committed
 from solver.planner import Planner
-from solver.problem import Budget, EngineFailed, Problem, Solution
+from solver.problem import Budget, EngineFailed, Problem, Rung, Solution
 
 log = structlog.get_logger(__name__)
 
 _Job = Callable[[], None]
+
+
+class Solver(Protocol):
+    """Solves a tick's problem in time, whatever happens."""
+
+    async def solve(self, problem: Problem, budget: Budget, patience_s: float) -> Solution:
+        """Return a solution after at most `patience_s`. Never raises."""
+        ...
 
 
 class AbsentEngine:
@@ -28,6 +38,23 @@ class AbsentEngine:
     def solve(self, problem: Problem, budget: Budget) -> Solution:
         """Raise EngineFailed."""
         raise EngineFailed("no answer in time")
+
+
+class Resolver:
+    """Solves the ticks of a tape the way they were solved live (`server.mission.tape.replay`)."""
+
+    def __init__(self, planner: Planner, iterations: int) -> None:
+        self._planner = planner
+        self._iterations = iterations
+        self._fallback = Planner(AbsentEngine())
+
+    def __call__(self, problem: Problem, recorded: Committed) -> Solution:
+        """Stop where the live solve was stopped; fall back where it never answered."""
+        if recorded.rung in (Rung.SHIFTED, Rung.BRAKE) and recorded.iterations == 0:
+            return self._fallback.solve(problem, Budget(iterations=0))
+        converged = recorded.rung is Rung.CONVERGED
+        limit = self._iterations if converged else recorded.iterations
+        return self._planner.solve(problem, Budget(iterations=limit))
 
 
 class SolveThread:

@@ -1,0 +1,86 @@
+import asyncio
+import threading
+
+import numpy as np
+import pytest
+
+from server.live.solving import AbsentEngine, Resolver, SolveThread
+from server.mission.core import MissionCore
+from server.mission.tape import Committed
+from solver import engines
+from solver.planner import Planner
+from solver.problem import Budget, EngineFailed, Problem, Rung, Solution
+from tests.server.builders import mission_setup
+
+BUDGET = Budget(iterations=50)
+
+
+def problem() -> Problem:
+    return MissionCore(mission_setup()).begin(0.0)
+
+
+class Gate:
+    """An engine that answers only while the gate is open."""
+
+    name = "gate"
+
+    def __init__(self) -> None:
+        self.open = threading.Event()
+        self.calls = 0
+        self._engine = engines.create("sqp")
+
+    def solve(self, problem: Problem, budget: Budget) -> Solution:
+        self.calls += 1
+        self.open.wait(20.0)
+        return self._engine.solve(problem, budget)
+
+
+@pytest.mark.asyncio
+async def test_a_solve_in_time_is_the_planners() -> None:
+    planner = Planner(engines.create("sqp"))
+    asked = problem()
+    with SolveThread(planner) as solver:
+        solution = await solver.solve(asked, BUDGET, 20.0)
+    assert solution.rung is Rung.CONVERGED
+    assert np.array_equal(solution.controls, planner.solve(asked, BUDGET).controls)
+    assert solver.stuck == 0
+
+
+@pytest.mark.asyncio
+async def test_a_stuck_solve_is_not_waited_for_and_not_asked_again_until_it_is_back() -> None:
+    gate = Gate()
+    asked = problem()
+    with SolveThread(Planner(gate)) as solver:
+        first = await solver.solve(asked, BUDGET, 0.02)
+        second = await solver.solve(asked, BUDGET, 20.0)
+        assert first.rung is second.rung is Rung.BRAKE
+        assert np.array_equal(first.controls, np.zeros_like(first.controls))
+        assert (gate.calls, solver.stuck) == (1, 1)
+        gate.open.set()
+        async with asyncio.timeout(20.0):
+            solution = second
+            while solution.rung is Rung.BRAKE:
+                await asyncio.sleep(0.01)
+                solution = await solver.solve(asked, BUDGET, 20.0)
+        assert solution.rung is Rung.CONVERGED
+
+
+@pytest.mark.asyncio
+async def test_a_process_can_end_while_a_solve_hangs() -> None:
+    with SolveThread(Planner(Gate())) as solver:
+        await solver.solve(problem(), BUDGET, 0.02)
+    hanging = [thread for thread in threading.enumerate() if thread.name == "solve"]
+    assert all(thread.daemon for thread in hanging)
+
+
+def test_the_absent_engine_never_answers() -> None:
+    with pytest.raises(EngineFailed):
+        AbsentEngine().solve(problem(), BUDGET)
+
+
+@pytest.mark.parametrize("rung", [Rung.SHIFTED, Rung.BRAKE])
+def test_a_tick_that_was_not_solved_live_is_not_solved_on_replay(rung: Rung) -> None:
+    planner = Planner(engines.create("sqp"))
+    directives = mission_setup().initial_directives()
+    recorded = Committed(0, rung, (), directives)
+    assert Resolver(planner, 50)(problem(), recorded).rung is Rung.BRAKE
