@@ -1,0 +1,62 @@
+import asyncio
+import time
+
+import pytest
+
+from llm.chat import ErrorKind
+from llm.client import ChatClient, ModelProfile
+from tests.llm.endpoints import ASKED, error_of, raw_server
+
+HEAD = b"HTTP/1.1 200 OK\r\nContent-Type: application/json\r\nContent-Length: 1000\r\n\r\n"
+
+
+@pytest.mark.parametrize("pieces", [(), (b"HTTP/1.1 200",), (HEAD,), (HEAD, b'{"choices": [')])
+@pytest.mark.asyncio
+async def test_a_stalling_socket_meets_the_total_time_out(pieces: tuple[bytes, ...]) -> None:
+    async with raw_server(*pieces) as server, server.client() as client:
+        started = time.perf_counter()
+        error = await error_of(client, timeout_s=0.2)
+        assert error.kind is ErrorKind.TIMEOUT
+        assert time.perf_counter() - started < 0.5
+        await asyncio.wait_for(server.gone.wait(), 1.0)
+
+
+@pytest.mark.asyncio
+async def test_silence_meets_the_read_time_out() -> None:
+    async with raw_server(HEAD) as server, server.client(read_timeout_s=0.1) as client:
+        error = await error_of(client, timeout_s=5.0)
+    assert error.kind is ErrorKind.TIMEOUT
+    assert "silent" in str(error)
+
+
+@pytest.mark.asyncio
+async def test_a_call_is_cancelled_at_once() -> None:
+    async with raw_server(HEAD, b"{") as server, server.client() as client:
+        call = asyncio.create_task(client.complete(ASKED, 30.0))
+        await asyncio.wait_for(server.asked.wait(), 5.0)
+        started = time.perf_counter()
+        call.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await call
+        assert time.perf_counter() - started < 0.1
+        await asyncio.wait_for(server.gone.wait(), 1.0)
+
+
+@pytest.mark.asyncio
+async def test_nobody_there_is_a_connection_error() -> None:
+    server = await asyncio.start_server(lambda _r, _w: None, "127.0.0.1", 0)
+    port = server.sockets[0].getsockname()[1]
+    server.close()
+    await server.wait_closed()
+    profile = ModelProfile(f"http://127.0.0.1:{port}/v1", "m", backoff_s=0.001)
+    async with ChatClient(profile) as client:
+        error = await error_of(client)
+    assert error.kind is ErrorKind.CONNECTION
+    assert client.usage.requests == 3
+
+
+@pytest.mark.asyncio
+async def test_garbage_on_the_socket_is_a_connection_error() -> None:
+    nonsense = b"\x00\x01 nonsense\r\n\r\n"
+    async with raw_server(nonsense) as server, server.client(attempts=1) as client:
+        assert (await error_of(client)).kind is ErrorKind.CONNECTION
