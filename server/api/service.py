@@ -325,7 +325,8 @@ class MissionService:
                 record.host = None
             if record.state is MissionState.ENDED:
                 for other in record.tasks:
-                    other.cancel()
+                    if not other.cancelling():
+                        other.cancel()
             error = None if task.cancelled() else task.exception()
             if error is not None:
                 log.error("host failed", mission=record.id, process=role, exc_info=error)

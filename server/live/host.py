@@ -100,7 +100,23 @@ class ProcessHost:
 
 
 async def end_process(process: asyncio.subprocess.Process, grace_s: float) -> None:
-    """End a process: by end of file, then by SIGTERM, then by SIGKILL."""
+    """End a process and wait until it is gone, however often this call is cancelled meanwhile.
+
+    By end of file, then by SIGTERM, then by SIGKILL.
+    """
+    ending = asyncio.create_task(_end(process, grace_s))
+    cancelled = False
+    while not ending.done():
+        try:
+            await asyncio.shield(ending)
+        except asyncio.CancelledError:
+            cancelled = True
+    ending.result()
+    if cancelled:
+        raise asyncio.CancelledError
+
+
+async def _end(process: asyncio.subprocess.Process, grace_s: float) -> None:
     if process.stdin is not None:
         process.stdin.close()
     for signal_process in (process.terminate, process.kill):

@@ -86,6 +86,21 @@ async def test_a_process_that_ignores_everything_is_killed() -> None:
 
 
 @pytest.mark.asyncio
+async def test_cancelling_twice_still_waits_for_the_end() -> None:
+    child = host(CHILD, grace_s=20.0)
+    running = asyncio.create_task(child.run(lambda frame: None))
+    await child.request("echo", timeout_s=20.0)
+    pid = child.pid
+    assert pid is not None
+    for _ in range(3):
+        running.cancel()
+        await asyncio.sleep(0)
+    with pytest.raises(asyncio.CancelledError):
+        await running
+    assert gone(pid)
+
+
+@pytest.mark.asyncio
 async def test_a_killed_process_fails_what_is_pending() -> None:
     child = host(CHILD)
     running = asyncio.create_task(child.run(lambda frame: None))
