@@ -80,14 +80,15 @@ async def _fly(
     except ServiceError as error:
         raise UsageError(str(error)) from error
     over = {MissionState.ENDED, MissionState.FAILED}
-    result: dict[str, Any] | None = None
-    while not serving.done() and service.mission(mission_id).state not in over:
-        await asyncio.wait({serving}, timeout=LOOK_S)
+    while service.mission(mission_id).state not in over:
+        done, _ = await asyncio.wait({serving}, timeout=LOOK_S)
+        if done:
+            return None
     try:
-        result = await service.result(mission_id)
+        return await service.result(mission_id)
     except ServiceError as error:
         _say(f"no figures: {error}")
-    return result
+        return None
 
 
 def _address(server: uvicorn.Server) -> str:

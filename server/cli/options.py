@@ -30,6 +30,13 @@ LlmOption = Annotated[
     ),
 ]
 
+SeedOption = Annotated[
+    int | None, typer.Option(min=0, max=2**63 - 1, help="World's dice; default: the file's.")
+]
+StepsOption = Annotated[
+    int | None, typer.Option(min=1, max=1_000_000, help="Steps to run; default: the file's.")
+]
+
 
 class EngineName(StrEnum):
     """Optimizers to choose from."""

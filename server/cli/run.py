@@ -14,6 +14,8 @@ from server.cli.options import (
     EngineName,
     LlmOption,
     ScenarioArgument,
+    SeedOption,
+    StepsOption,
     latency_option,
     scripted_comments,
 )
@@ -36,12 +38,8 @@ def run(
     lockstep: Annotated[
         bool, typer.Option("--lockstep", help="Virtual time, as fast as it goes, no console.")
     ] = False,
-    seed: Annotated[
-        int | None, typer.Option(min=0, max=2**63 - 1, help="World's dice; default: the file's.")
-    ] = None,
-    steps: Annotated[
-        int | None, typer.Option(min=1, max=1_000_000, help="Steps to run; default: the file's.")
-    ] = None,
+    seed: SeedOption = None,
+    steps: StepsOption = None,
     engine: Annotated[EngineName | None, typer.Option(help="Optimizer; default: the best.")] = None,
     llm_latency: Annotated[
         str,

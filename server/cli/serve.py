@@ -13,7 +13,7 @@ def serve(
     scenario: Annotated[
         str | None,
         typer.Argument(
-            metavar="[SCENARIO]", help="Fly this at once; without it, missions come by REST."
+            metavar="SCENARIO", help="Fly this at once; without it, missions come by REST."
         ),
     ] = None,
     llm: LlmOption = "mock",

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import typer
 
 from server.cli.errors import UsageError
-from server.cli.options import EngineName, ScenarioArgument
+from server.cli.options import EngineName, ScenarioArgument, SeedOption
 
 
 def sim(
@@ -19,9 +19,7 @@ def sim(
     connect: Annotated[
         str, typer.Option(metavar="ENDPOINT", help="Where the planner or a router listens.")
     ] = "tcp/127.0.0.1:7447",
-    seed: Annotated[
-        int | None, typer.Option(min=0, max=2**63 - 1, help="World's dice; default: the file's.")
-    ] = None,
+    seed: SeedOption = None,
     engine: Annotated[
         EngineName | None, typer.Option(help="Optimizer of robots that fly alone.")
     ] = None,
