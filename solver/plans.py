@@ -15,4 +15,5 @@ def shifted(controls: FloatArray, elapsed_s: float, step_s: float) -> FloatArray
     before = times.astype(np.int64)
     after = np.minimum(before + 1, horizon - 1)
     share = (times - before)[:, None]
-    return (1.0 - share) * controls[..., before, :] + share * controls[..., after, :]
+    blend = (1.0 - share) * controls[..., before, :] + share * controls[..., after, :]
+    return np.asarray(blend)

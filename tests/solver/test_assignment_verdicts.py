@@ -1,0 +1,69 @@
+"""The verification, written apart from the solver, accepts whatever the solver assigns."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from llm.verification import Limits, beta, verify
+from solver import assignment
+from solver.assignment import AssignmentSettings
+from solver.directives import Pairing, Proposal, Source
+from solver.observations import Link
+from solver.problem import SensorModel
+from solver.snapshot import Snapshot
+from tests.solver.snapshots import blinded, directed, dropped, pin, random_snapshot, with_links
+
+LINKS = (Link.CONNECTED, Link.CONNECTED, Link.JAMMED, Link.LOST)
+
+
+def battered(seed: int) -> Snapshot:
+    """Return a small team with failures, losses and contradicting pins."""
+    rng = np.random.default_rng(seed)
+    robots, targets = int(rng.integers(1, 5)), int(rng.integers(1, 7))
+    snapshot = random_snapshot(seed, robots, targets, int(rng.integers(0, 4)))
+    ids = snapshot.robots.ids
+    snapshot = with_links(snapshot, **{f"r{i}": LINKS[int(rng.integers(4))] for i in ids})
+    snapshot = blinded(snapshot, *(i for i in ids if rng.random() < 0.3))
+    snapshot = dropped(snapshot, *(t for t in snapshot.tracks.ids if rng.random() < 0.15))
+    pins = tuple(
+        pin(
+            int(rng.choice(ids)),
+            int(rng.choice(snapshot.tracks.ids)),
+            f"p{k}",
+            forbids=bool(rng.random() < 0.4),
+            comment_id=None if rng.random() < 0.4 else f"c{k}",
+        )
+        for k in range(int(rng.integers(0, 4)))
+    )
+    return directed(
+        snapshot, pins=pins, capacities=tuple((i, int(rng.integers(0, 4))) for i in ids)
+    )
+
+
+def proposed(pairs: frozenset[Pairing]) -> Proposal:
+    robots = sorted({pair.robot_id for pair in pairs})
+    rows = ((i, tuple(sorted(p.target_id for p in pairs if p.robot_id == i))) for i in robots)
+    return Proposal(id="x", source=Source.EXACT, asked_s=10.0, assignment=tuple(rows))
+
+
+@pytest.mark.parametrize("most_columns", [3000, 0], ids=["exact", "search"])
+@settings(max_examples=60)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_assignments_are_accepted(most_columns: int, seed: int) -> None:
+    snapshot = battered(seed)
+    chosen = AssignmentSettings(most_columns=most_columns)
+    found = assignment.assign(snapshot, SensorModel(), chosen)
+    limits = Limits.around(snapshot.directives.weights)
+    assert beta(found, snapshot) == 0
+    assert verify(proposed(found), snapshot, limits).violations == ()
+
+
+@settings(max_examples=60)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_repairs_are_accepted(seed: int) -> None:
+    snapshot = battered(seed)
+    found = assignment.repair(snapshot)
+    limits = Limits.around(snapshot.directives.weights)
+    assert beta(found, snapshot) == 0
+    assert verify(proposed(found), snapshot, limits).violations == ()
