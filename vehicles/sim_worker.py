@@ -31,6 +31,7 @@ from solver.problem import Budget, Problem, Solution
 from vehicles.agent import DuplicateRobotError
 from vehicles.bus import BusError
 from vehicles.keys import TeamKeys
+from vehicles.lifeline import end_within
 from vehicles.onboard import OnboardPilot
 from vehicles.simulation import Simulation, SimulationSettings
 from vehicles.world.setup import WorldSetup
@@ -161,6 +162,7 @@ async def run(job_file: Path | None, lifetime: Lifetime) -> None:
     try:
         await asyncio.wait({working, ending}, return_when=asyncio.FIRST_COMPLETED)
     finally:
+        end_within()
         ending.cancel()
         working.cancel()
         with contextlib.suppress(asyncio.CancelledError):

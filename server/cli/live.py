@@ -48,13 +48,19 @@ async def _serve(
     app = create_app(settings, service, installed_console())
     server = uvicorn.Server(web_config(app, settings))
     result: dict[str, Any] | None = None
+    refusal: ServiceError | None = None
     async with asyncio.TaskGroup() as group:
         serving = group.create_task(server.serve(), name="web server")
         if await _started(server, serving):
             _say(f"Falconer on {_address(server)} (Ctrl-C ends it)")
             if definition is not None:
-                result = await _fly(service, definition, serving)
-                server.should_exit = until_over or server.should_exit
+                try:
+                    result = await _fly(service, definition, serving)
+                except ServiceError as error:
+                    refusal = error
+                server.should_exit |= until_over or refusal is not None
+    if refusal is not None:
+        raise UsageError(str(refusal)) from refusal
     return result
 
 
@@ -73,12 +79,13 @@ async def _started(server: uvicorn.Server, serving: asyncio.Task[None]) -> bool:
 async def _fly(
     service: MissionService, definition: Definition, serving: asyncio.Task[None]
 ) -> dict[str, Any] | None:
-    """Start the mission, wait until it is over or the server ends, return its figures."""
+    """Start the mission, wait until it is over or the server ends, return its figures.
+
+    Raises ServiceError when it cannot be started.
+    """
     mission_id = service.add(definition).id
-    try:
-        await service.start(mission_id, AUTHOR)
-    except ServiceError as error:
-        raise UsageError(str(error)) from error
+    _say(f"starting {definition.scenario} ...")
+    await service.start(mission_id, AUTHOR)
     over = {MissionState.ENDED, MissionState.FAILED}
     while service.mission(mission_id).state not in over:
         done, _ = await asyncio.wait({serving}, timeout=LOOK_S)

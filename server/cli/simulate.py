@@ -6,6 +6,7 @@ import logging
 import signal
 import sys
 from collections.abc import Coroutine
+from dataclasses import replace
 from typing import Annotated, Any
 
 import typer
@@ -39,7 +40,8 @@ def sim(
     job = SimulationJob(
         world=chosen.world_setup(),
         team=setup.team,
-        zenoh=vehicle_bus(settings),
+        # Started before the planner it waits: robots without a planner hold anyway.
+        zenoh=replace(vehicle_bus(settings), open_timeout_s=None),
         simulation=SimulationSettings(
             seed=setup.seed if seed is None else seed, tick_s=setup.live_tick_s
         ),

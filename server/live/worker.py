@@ -32,6 +32,7 @@ from solver.planner import Planner
 from solver.problem import Budget
 from vehicles.bus import BusError
 from vehicles.keys import TeamKeys
+from vehicles.lifeline import end_within
 from vehicles.link_monitor import LinkSettings
 from vehicles.team_link import TeamLink
 from vehicles.zenoh_bus import ZenohBus
@@ -187,6 +188,7 @@ async def serve(worker_input: Any, worker_output: Any) -> None:
         else:
             serving.result()
     finally:
+        end_within()
         for task in (flight, serving):
             task.cancel()
         with contextlib.suppress(asyncio.CancelledError):
