@@ -103,19 +103,27 @@ def register(landmarks: Iterable[Landmark]) -> Registration:
     weights: FloatArray = np.linalg.inv(np.array([mark.covariance for mark in seen]))
     state, agreeing = _consensus(common, odometry, weights)
     for _ in range(_ROUNDS):
+        _check(common, agreeing)
         state, covariance = _refined(common[agreeing], odometry[agreeing], weights[agreeing], state)
         again = _agreeing(common, odometry, weights, state)
         if (again == agreeing).all():
             break
         agreeing = again
-        if agreeing.sum() < LEAST_AGREEING:
-            break
-    if agreeing.sum() < max(LEAST_AGREEING, LEAST_PART * len(seen)):
-        raise RegistrationError(f"only {agreeing.sum()} of {len(seen)} sightings agree")
+    _check(common, agreeing)
     east, north, up, psi = (float(number) for number in state)
     return Registration(
         Alignment((east, north, up), psi), covariance, tuple(bool(a) for a in agreeing)
     )
+
+
+def _check(common: FloatArray, agreeing: BoolArray) -> None:
+    """Refuse an agreement of too few, or of sightings of one place only."""
+    count = int(agreeing.sum())
+    if count < max(LEAST_AGREEING, LEAST_PART * len(common)):
+        raise RegistrationError(f"only {count} of {len(common)} sightings agree")
+    east, north, _ = np.ptp(common[agreeing], axis=0)
+    if np.hypot(east, north) < LEAST_SPREAD_M:
+        raise RegistrationError("the tags that agree lie too close together to tell a direction")
 
 
 def _consensus(
