@@ -3,8 +3,16 @@
 from dataclasses import replace
 
 from llm.verification import assignment_of
-from solver.directives import CommentVerdict, Directives, Pairing, Pin, Proposal, Weights
-from solver.snapshot import CommentReceipt
+from solver.directives import (
+    CommentVerdict,
+    Directives,
+    Pairing,
+    Pin,
+    Proposal,
+    Source,
+    Weights,
+)
+from solver.snapshot import CommentReceipt, Snapshot
 
 _PINNING = (CommentVerdict.APPLIED, CommentVerdict.PARTLY)
 
@@ -47,6 +55,21 @@ def applied(
         kept = tuple(sorted((zone, value) for zone, value in severities.items() if value != 1.0))
         directives = replace(directives, severities=kept)
     return directives
+
+
+def assignment_proposal(
+    name: str, source: Source, snapshot: Snapshot, pairs: frozenset[Pairing]
+) -> Proposal:
+    """Return the proposal that asks for exactly these pairs."""
+    return Proposal(
+        id=name,
+        source=source,
+        asked_s=snapshot.time_s,
+        assignment=tuple(
+            (robot_id, tuple(sorted(p.target_id for p in pairs if p.robot_id == robot_id)))
+            for robot_id in snapshot.robots.ids
+        ),
+    )
 
 
 def soft_pins(

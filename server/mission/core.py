@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from llm.verification import Limits, verify
-from server.mission.changes import applied, without_expired
+from server.mission.changes import applied, assignment_proposal, without_expired
 from server.mission.comments import CommentLedger
 from server.mission.guidance import GuidanceLadder
 from server.mission.knowledge import ZoneKnowledge, zone_table
@@ -20,7 +20,8 @@ from server.mission.setup import MissionSetup
 from server.mission.team import Lanes, TeamBook
 from solver import estimation
 from solver.arrays import frozen, frozen_bool
-from solver.directives import Directives, Proposal, Verdict
+from solver.assignment import repair
+from solver.directives import Directives, Proposal, Source, Verdict
 from solver.estimation import Beliefs
 from solver.observations import (
     Attack,
@@ -70,6 +71,7 @@ class MissionCore:
             if target.prior is not None:
                 self._take_prior(target.prior)
         self._hold = HoldState.FLYING
+        self._shaken = False
         self._inbox: list[Observation] = []
         self._attacks: list[Attack] = []
         self._replan: set[int] = set()
@@ -132,6 +134,8 @@ class MissionCore:
         self._comments.expire(now_s)
         self._directives = without_expired(self._directives, now_s)
         self._lanes = self._team.lanes()
+        if self._shaken:
+            self._mend()
         return self._problem()
 
     def commit(self, solution: Solution) -> tuple[Setpoint, ...]:
@@ -198,10 +202,20 @@ class MissionCore:
             self._beliefs, self.setup.filter, self.setup.sensor, heard
         )
 
+    def _mend(self) -> None:
+        """Cover the targets of a lost robot at once, with the fewest changes."""
+        self._shaken = False
+        self.snapshot = self._picture(None)
+        mended = repair(self.snapshot)
+        if mended != self._directives.assignment:
+            name = f"repair-{self._tick}"
+            self.propose(assignment_proposal(name, Source.REPAIR, self.snapshot, mended))
+
     def _relink(self, change: LinkChange) -> None:
         before = self._team.relink(change.robot_id, change.link)
         if before is None or before is change.link:
             return
+        self._shaken |= Link.LOST in (before, change.link)
         if change.link is Link.CONNECTED:
             self._zones.share(self._team.links())
         else:

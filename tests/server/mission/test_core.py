@@ -279,3 +279,26 @@ def test_a_team_that_is_all_gone_still_ticks() -> None:
     problem = core.begin(0.0)
     assert problem.robot_ids == ()
     assert core.commit(straight_solution(problem)) == ()
+
+
+def test_the_targets_of_a_lost_robot_are_covered_in_the_very_next_problem() -> None:
+    core = MissionCore(mission_setup())
+    tick(core, 0.0)
+    core.observe(LinkChange(21, Link.LOST, "token gone"))
+    problem = core.begin(0.1)
+    assert problem.robot_ids == (22,)
+    assert problem.sees.tolist() == [[True, True]]
+    core.commit(straight_solution(problem))
+    directives = core.snapshot.directives
+    assert directives.assignment == {Pairing(22, 121), Pairing(22, 122)}
+    assert directives.assignment_source is Source.REPAIR
+    assert core.snapshot.guidance is Guidance.SOLVER
+
+
+def test_a_robot_that_is_lost_without_need_changes_nothing_else() -> None:
+    core = MissionCore(mission_setup(robots=3, targets=2))
+    tick(core, 0.0)
+    before = core.snapshot.directives.assignment
+    core.observe(LinkChange(23, Link.LOST, "token gone"))
+    tick(core, 0.1)
+    assert core.snapshot.directives.assignment == before
