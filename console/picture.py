@@ -67,7 +67,7 @@ class Trails:
         if now_s < self._last_s:
             self._points.clear()
             self._last_s = -np.inf
-        if now_s - self._last_s < TRAIL_STEP_S:
+        if now_s - self._last_s < TRAIL_STEP_S - 1e-6:
             return
         self._last_s = now_s
         length = round(TRAIL_S / TRAIL_STEP_S)
@@ -240,11 +240,12 @@ def labels(snapshot: Json) -> dict[str, Label]:
     for robot in _placed(snapshot["robots"]):
         x, y, z = robot["position"]
         state = robot_state(robot)
-        text = str(robot["id"]) if state == "ok" else f"{robot['id']} {state}"
+        name = f"D{robot['id']}"
+        text = name if state == "ok" else f"{name} {state}"
         found[f"r{robot['id']}"] = (text, (x, y, z + lift))
     for target in _placed(snapshot["targets"]):
         x, y = target["position"]
-        found[f"t{target['id']}"] = (str(target["id"]), (x, y, 0.7 * lift))
+        found[f"t{target['id']}"] = (f"T{target['id']}", (x, y, 0.7 * lift))
     for zone in snapshot["zones"]:
         x, y = zone["mean"]
         found[f"z{zone['id']}"] = (zone["id"], (x, y, 0.1))

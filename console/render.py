@@ -137,16 +137,16 @@ def team(snapshot: Json) -> str:
         key = str(robot["id"])
         state = robot_state(robot)
         tone = _robot_tone(robot)
-        targets = " ".join(str(t) for t in assignment.get(key, ())) or "–"
+        targets = " ".join(f"T{t}" for t in assignment.get(key, ())) or "–"
         speed = "–" if robot["velocity"] is None else f"{math.hypot(*robot['velocity']):.2f}"
         rows.append(
-            f'<tr><th scope="row">{robot["id"]}</th>'
+            f'<tr><th scope="row">D{robot["id"]}</th>'
             f'<td class="state {tone}"><i></i>{state}</td>'
             f'<td class="wrap">{targets}</td><td class="num">{capacities.get(key, "–")}</td>'
             f'<td class="num">{speed}</td><td class="num">{_age(robot["state_age_s"])}</td></tr>'
         )
     head = (
-        '<th scope="col">Robot</th><th scope="col">State</th><th scope="col">Targets</th>'
+        '<th scope="col">Drone</th><th scope="col">State</th><th scope="col">Targets</th>'
         '<th scope="col" class="num">Cap.</th><th scope="col" class="num">m/s</th>'
         '<th scope="col" class="num">Heard</th>'
     )
@@ -160,7 +160,7 @@ def matrix(snapshot: Json) -> str:
         return _assignment_list(directives)
     pins = {(p["robot"], p["target"]): p for p in directives["pins"]}
     head = "".join(
-        f'<th scope="col" class="{_target_tone(t)}" title="{escape(t["status"])}">{t["id"]}</th>'
+        f'<th scope="col" class="{_target_tone(t)}" title="{escape(t["status"])}">T{t["id"]}</th>'
         for t in snapshot["targets"]
     )
     rows = []
@@ -177,7 +177,7 @@ def matrix(snapshot: Json) -> str:
                 words += ", pinned" + (f" by comment {pin['comment']}" if pin["comment"] else "")
             tone = f"cell{' on' if on else ''}{' pin' if pin else ''} {_robot_tone(robot)}"
             cells.append(f'<td class="{tone}" title="{escape(words)}"><i></i></td>')
-        rows.append(f'<tr><th scope="row">{robot["id"]}</th>{"".join(cells)}</tr>')
+        rows.append(f'<tr><th scope="row">D{robot["id"]}</th>{"".join(cells)}</tr>')
     return (
         f'<table class="matrix"><thead><tr><td></td>{head}</tr></thead>'
         f"<tbody>{''.join(rows)}</tbody></table>"
@@ -204,7 +204,7 @@ def weights(snapshot: Json) -> str:
         rows.append(
             f'<div class="weight"><span>{WEIGHT_WORDS.get(name, escape(name))}</span>'
             f"<b>{value:g}</b>"
-            f'<div class="bar" role="meter" aria-label="{escape(name)}" aria-valuemin="{lower:g}"'
+            f'<div class="meter" role="meter" aria-label="{escape(name)}" aria-valuemin="{lower:g}"'
             f' aria-valuemax="{upper:g}" aria-valuenow="{value:g}">'
             f'<i style="left:{share:.1f}%"></i></div>'
             f'<small class="low">{lower:g}</small><small class="high">{upper:g}</small></div>'
@@ -276,8 +276,8 @@ def _since(snapshot: Json, what: str) -> str:
 
 def _assignment_list(directives: Json) -> str:
     rows = "".join(
-        f'<tr><th scope="row">{escape(robot)}</th><td class="wrap">'
-        f"{' '.join(str(t) for t in targets) or '–'}</td></tr>"
+        f'<tr><th scope="row">D{escape(robot)}</th><td class="wrap">'
+        f"{' '.join(f'T{t}' for t in targets) or '–'}</td></tr>"
         for robot, targets in directives["assignment"].items()
     )
     return f"<table><tbody>{rows}</tbody></table>"

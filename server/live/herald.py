@@ -36,6 +36,7 @@ class Herald:
         self._seq = 0
         self._last: Snapshot | None = None
         self._time_s = 0.0
+        self._feedback: dict[str, str] = {}
 
     def announce(self, snapshot: Snapshot) -> None:
         """Tell the news since the snapshot before."""
@@ -79,7 +80,7 @@ class Herald:
     def outcome(
         self, consultation: Consultation, outcome: Outcome, verdict: Verdict | None
     ) -> None:
-        """Tell what a consultation came to, with the model's own words."""
+        """Tell what a consultation came to, with the model's own words; no word twice running."""
         loop = consultation.loop.value
         data: Json = {"loop": loop, "tries": consultation.stats.tries}
         who = f"The {loop} model"
@@ -91,7 +92,8 @@ class Herald:
             if not verdict.accepted:
                 text = f"{who} was refused: {'; '.join(verdict.violations)}"
                 self.say(EventKind.VERDICT, Severity.WARNING, text, data)
-            elif feedback:
+            elif feedback and self._feedback.get(loop) != feedback:
+                self._feedback[loop] = feedback
                 self.say(EventKind.PROPOSAL, Severity.INFO, f"{who}: {feedback}", data)
 
     def say(
