@@ -102,7 +102,7 @@ def _message() -> dict[str, Any]:
         field=((-10.0, -5.0), (10.0, 5.0)),
         weight_bounds=(WEIGHTS, WEIGHTS),
         attacks={ZoneKind.SENSING: 1},
-        receipts=snapshot.receipts,
+        mission="m1",
         truth=truth_object({21: (0.0, 0.0)}, {122: (2.0, 2.0)}, snapshot.zones),
     )
 
