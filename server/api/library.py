@@ -30,10 +30,13 @@ class ScenarioLibrary:
 
     def __init__(self, settings: Settings) -> None:
         self._settings = settings
+        self._known: tuple[ScenarioInfo, ...] = ()
 
     def scenarios(self) -> tuple[ScenarioInfo, ...]:
-        """Return every scenario that comes with Falconer."""
-        return tuple(_info(library.named(name)) for name in library.names())
+        """Return every scenario that comes with Falconer. They are read once."""
+        if not self._known:
+            self._known = tuple(_info(library.named(name)) for name in library.names())
+        return self._known
 
     def profiles(self) -> tuple[LlmProfile, ...]:
         """Return the models that a mission may be given."""
