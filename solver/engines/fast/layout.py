@@ -67,7 +67,7 @@ ROBOT = np.dtype(
         ("near", "i8", (2,)),
         ("discs", "i8", (2,)),
         ("stale", "?"),  # not converged, or its problem has changed since
-        ("probe", "?"),  # wants a probe start
+        ("probes", "i8"),  # probe starts to be tried at the next visit
         ("replan", "?"),  # which takes the plan's place without hysteresis
         ("taken", "i8"),  # Newton steps
     ],
@@ -136,10 +136,11 @@ WORK = np.dtype(
         ("speed_bend", "f8", _PER_STEP),  # first and second derivative by velocities
         ("bend", "f8", _MATRIX),  # Hessian, by positions first, then by controls
         ("factor", "f8", _MATRIX),
-        ("basis", "f8", _MATRIX),
         ("vector", "f8", _VECTOR),
         ("values", "f8", _VECTOR),
         ("free", "i8", _VECTOR),
+        ("order", "i8", _VECTOR),
+        ("pairs", "i8", _VECTOR),
         ("chain", "f8", (MAX_STEPS, CHAIN)),  # one target's covariances along the horizon
         ("timespec", "i8", (2,)),
     ],

@@ -5,7 +5,12 @@ from solver.engines.fast.clock import now
 from solver.engines.fast.jit import kernel, merged
 from solver.engines.fast.layout import Team
 from solver.engines.fast.robot import cost, expand
-from solver.engines.fast.spectrum import cholesky, solve_absolute, substitute
+from solver.engines.fast.factors import (
+    cholesky,
+    factor_indefinite,
+    solve_absolute,
+    substitute,
+)
 
 TOLERANCE = 1e-7
 """A predicted decrease below this part of the robot's cost ends its iterations."""
@@ -43,7 +48,8 @@ def _aim(team: Team, count: int) -> float:
         for row in range(count):
             for column in range(row + 1):
                 factor[row, column] = factor[column, row] = bend[free[row], free[column]]
-        solve_absolute(factor, count, work.basis, vector, work.values)
+        factor_indefinite(factor, count, work.order, work.pairs)
+        solve_absolute(factor, count, work.order, work.pairs, vector, work.values)
     predicted = 0.0
     for row in range(count):
         work.direction[free[row]] = vector[row]

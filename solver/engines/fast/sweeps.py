@@ -48,23 +48,24 @@ def visit(team: Team, i: int, most: int, deadline: float) -> float:
     size = 2 * team.setting[0].steps
     rows = gather(team, i)
     best = first = 0.0
-    for attempt in range(2 if robot.probe else 1):
+    for attempt in range(1 + robot.probes):
         if attempt == 0:
             for at in range(size):
                 work.u[at] = robot.plan[at]
         else:
-            fresh_start(team, i, rows, work.u)
+            fresh_start(team, i, rows, work.best, work.u)
         before, value, steps, converged = descend(team, i, rows, work.u, most, deadline)
         robot.taken += steps
         if attempt == 0:
             first = before
             robot.stale = not converged
         margin = HYSTERESIS if attempt > 0 and not robot.replan else 0.0
-        if attempt == 0 or value < best - margin * abs(best):
-            best = value
-            for at in range(size):
-                work.best[at] = work.u[at]
-    robot.probe = False
+        if attempt > 0 and not value < best - margin * abs(best):
+            break
+        best = value
+        for at in range(size):
+            work.best[at] = work.u[at]
+    robot.probes = 0
     if best < first:
         settle(team, i, work.best)
         if first - best > TOLERANCE * first:
