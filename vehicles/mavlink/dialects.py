@@ -44,8 +44,8 @@ class Dialect:
     """What must be known to fly one kind of autopilot."""
 
     autopilot: Autopilot
-    identity: int
-    """Its MAV_AUTOPILOT number in heartbeats."""
+    identities: tuple[int, ...]
+    """Its MAV_AUTOPILOT numbers in heartbeats, its own first."""
 
     follow: int
     """The mode that follows setpoints: GUIDED or OFFBOARD."""
@@ -88,7 +88,7 @@ def px4_mode(main: int, sub: int = 0) -> int:
 
 ARDUPILOT = Dialect(
     autopilot=Autopilot.ARDUPILOT,
-    identity=mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA,
+    identities=(mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA,),
     follow=4,
     hold=17,
     land=9,
@@ -114,7 +114,8 @@ ARDUPILOT = Dialect(
 
 PX4 = Dialect(
     autopilot=Autopilot.PX4,
-    identity=mavlink.MAV_AUTOPILOT_PX4,
+    # Small flight stacks that speak PX4's modes call themselves generic.
+    identities=(mavlink.MAV_AUTOPILOT_PX4, mavlink.MAV_AUTOPILOT_GENERIC),
     follow=px4_mode(6),
     hold=px4_mode(4, 3),
     land=px4_mode(4, 6),

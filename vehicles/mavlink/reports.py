@@ -15,6 +15,7 @@ _SENSORS = (
     | mavlink.MAV_SYS_STATUS_SENSOR_ABSOLUTE_PRESSURE
     | mavlink.MAV_SYS_STATUS_SENSOR_GPS
     | mavlink.MAV_SYS_STATUS_AHRS
+    | mavlink.MAV_SYS_STATUS_PREARM_CHECK
 )
 _CELLS, _EMPTY_V, _FULL_V = 4, 3.5, 4.2
 _NO_CELL = 65535
@@ -48,7 +49,7 @@ class Reporter:
             state = mavlink.MAV_STATE_CRITICAL
         return mavlink.MAVLink_heartbeat_message(
             mavlink.MAV_TYPE_QUADROTOR,
-            flight.settings.dialect.identity,
+            flight.settings.dialect.identities[0],
             base,
             flight.mode,
             state,

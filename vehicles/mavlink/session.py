@@ -87,7 +87,7 @@ class Session:
         if not plausible(message):
             self._codec.counts.implausible += 1
             return False
-        if kind == "HEARTBEAT" and message.autopilot != self._dialect.identity:
+        if kind == "HEARTBEAT" and message.autopilot not in self._dialect.identities:
             self._codec.counts.implausible += 1
             return False
         if kind == "COMMAND_ACK":

@@ -90,7 +90,7 @@ def framed(kind: Any, payload: bytes, flags: int, dice: random.Random) -> bytes:
     system = SYSTEM if dice.random() < 0.9 else dice.randrange(256)
     component = 1 if dice.random() < 0.9 else dice.randrange(256)
     head = bytes([len(payload), flags, 0, dice.randrange(256), system, component])
-    body = head + kind.id.to_bytes(3, "little") + payload
+    body: bytes = head + kind.id.to_bytes(3, "little") + payload
     check: int = mavlink.x25crc(body + bytes([kind.crc_extra])).crc
     return b"\xfd" + body + struct.pack("<H", check)
 
