@@ -49,6 +49,10 @@ class FilterSettings:
     speed_variance: float = 0.25
     """(m/s)^2 per axis of a track's velocity when it starts."""
 
+    refinements: int = 4
+    """Further linearisations of an update: 0 is the textbook filter, which diverges where a
+    robot is about as near to its target as the target's place is uncertain."""
+
     @property
     def dimension(self) -> int:
         """Return the length of a state: 2 or 4."""

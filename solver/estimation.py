@@ -2,8 +2,9 @@
 
 All N targets are filtered at once on stacked arrays. A state is (x, y) under the random walk
 and (x, y, vx, vy) at constant velocity. Measurements touch positions only, so an update works
-on the position marginal in information form and carries the result to the velocities by
-regression, `Pvx Pxx^-1`: equal to the textbook update, and positive definite by construction.
+on the position marginal in information form (`solver.sightings`) and carries the result to the
+velocities by regression, `Pvx Pxx^-1`: equal to the textbook update, and positive definite by
+construction.
 """
 
 import math
@@ -31,7 +32,8 @@ from solver.beliefs import (
 from solver.fusion import fuse
 from solver.observations import Detections
 from solver.problem import SensorModel
-from solver.sensing import LEAST_PRECISION, TARGET_FLOOR_M, noise_variances, wrapped
+from solver.sensing import noise_variances
+from solver.sightings import SightingSet
 
 __all__ = [
     "Beliefs",
@@ -79,9 +81,10 @@ def update(
 ) -> Beliefs:
     """Return the beliefs after one moment's sightings, all targets and robots at once.
 
-    Linearised at the predicted means, bearing differences wrapped, outliers gated one
-    sighting at a time. An unknown target's track starts from its first sighting. Sightings of
-    unknown ids and with numbers that are not finite are ignored.
+    Linearised at the predicted means and then, `settings.refinements` times, at the better
+    ones found; bearing differences wrapped, outliers gated one sighting at a time. An unknown
+    target's track starts from its first sighting. Sightings of unknown ids and with numbers
+    that are not finite are ignored.
     """
     sightings = _gathered(beliefs.ids, batch)
     if not len(sightings):
@@ -89,10 +92,10 @@ def update(
     rows = sightings[:, 0].astype(np.int64)
     if not beliefs.known[rows].all():
         beliefs, started = _initiated(beliefs, settings, sensor, rows, sightings)
-        rows, sightings = rows[~started], sightings[~started]
-        if not len(rows):
+        sightings = sightings[~started]
+        if not len(sightings):
             return beliefs
-    return _updated(beliefs, settings, sensor, rows, sightings)
+    return _updated(beliefs, settings, sensor, sightings)
 
 
 def forecast(
@@ -196,90 +199,31 @@ def _initiated(
 
 
 def _updated(
-    beliefs: Beliefs,
-    settings: FilterSettings,
-    sensor: SensorModel,
-    rows: IntArray,
-    sightings: FloatArray,
+    beliefs: Beliefs, settings: FilterSettings, sensor: SensorModel, sightings: FloatArray
 ) -> Beliefs:
     """Fuse sightings of known targets."""
-    count = len(beliefs.ids)
-    means, P = beliefs.means, beliefs.covariances
-    prior = P[:, :2, :2]
-    # d = target - robot; the rows of H are d'/rho and (Jd)'/rho^2.
-    dx = means[rows, 0] - sightings[:, 1]
-    dy = means[rows, 1] - sightings[:, 2]
-    squared = dx * dx + dy * dy
-    floored = squared + TARGET_FLOOR_M**2
-    rho = np.sqrt(floored)
-    w_range = sensor.range_peak * np.exp(-sensor.range_shape * rho)
-    w_bearing = sensor.bearing_peak * np.exp(-sensor.bearing_shape * rho)
-    hx, hy = dx / rho, dy / rho
-    bx, by = -dy / floored, dx / floored
-    nu_range = sightings[:, 3] - np.sqrt(squared)
-    nu_bearing = wrapped(sightings[:, 4] - np.arctan2(dy, dx))
-    accepted: BoolArray | None = None
-    if settings.gate_probability is not None:
-        a, b, c = prior[rows, 0, 0], prior[rows, 0, 1], prior[rows, 1, 1]
-        s11 = (
-            a * hx * hx
-            + 2.0 * b * hx * hy
-            + c * hy * hy
-            + 1.0 / np.maximum(w_range, LEAST_PRECISION)
-        )
-        s22 = (
-            a * bx * bx
-            + 2.0 * b * bx * by
-            + c * by * by
-            + 1.0 / np.maximum(w_bearing, LEAST_PRECISION)
-        )
-        s12 = a * hx * bx + b * (hx * by + hy * bx) + c * hy * by
-        distance = nu_range**2 * s22 - 2.0 * nu_range * nu_bearing * s12 + nu_bearing**2 * s11
-        # Chi-square with two degrees of freedom: P(d < t) = 1 - exp(-t/2).
-        limit = -2.0 * math.log1p(-settings.gate_probability)
-        accepted = distance <= limit * (s11 * s22 - s12 * s12)
-        w_range, w_bearing = w_range * accepted, w_bearing * accepted
-    gain = np.zeros((count, 2, 2))
-    gain[:, 0, 0] = np.bincount(rows, w_range * hx * hx + w_bearing * bx * bx, count)
-    gain[:, 1, 1] = np.bincount(rows, w_range * hy * hy + w_bearing * by * by, count)
-    gain[:, 0, 1] = np.bincount(rows, w_range * hx * hy + w_bearing * bx * by, count)
-    gain[:, 1, 0] = gain[:, 0, 1]
-    r, s = w_range * nu_range, w_bearing * nu_bearing
-    pull = np.empty((count, 2, 1))
-    pull[:, 0, 0] = np.bincount(rows, r * hx + s * bx, count)
-    pull[:, 1, 0] = np.bincount(rows, r * hy + s * by, count)
-    return _concluded(beliefs, rows, accepted, gain, pull)
-
-
-def _concluded(
-    beliefs: Beliefs,
-    rows: IntArray,
-    accepted: BoolArray | None,
-    gain: FloatArray,
-    pull: FloatArray,
-) -> Beliefs:
-    """Apply the summed information (N, 2, 2) and information vectors (N, 2, 1)."""
-    count = len(beliefs.ids)
-    hits = np.bincount(rows, accepted, count)
-    sightings = np.bincount(rows, None, count)
-    seen = hits > 0
     P = beliefs.covariances
-    inverse = matrices.inverse(P[:, :2, :2])
-    position = matrices.inverse(inverse + gain)
-    shift = position @ pull
+    seen_by = SightingSet(beliefs.means[:, :2], P[:, :2, :2], sensor, sightings)
+    hits, rejected = seen_by.gated(settings.gate_probability)
+    position, shift = seen_by.fused(settings.refinements)
+    seen = hits > 0
+    targets = seen_by.targets[seen]
+    position, shift = position[seen], shift[seen]
+    means, covariances = beliefs.means.copy(), P.copy()
     if P.shape[-1] == 2:
-        posterior = matrices.clamped(position, LEAST_VARIANCE, GREATEST_VARIANCE)
-        moved = shift[:, :, 0]
+        means[targets] += shift
+        covariances[targets] = matrices.clamped(position, LEAST_VARIANCE, GREATEST_VARIANCE)
     else:
-        regression = np.swapaxes(P[:, :2, 2:], 1, 2) @ inverse
-        posterior = recombined(position, regression, velocity_rest(P, regression))
-        moved = np.concatenate((shift, regression @ shift), axis=1)[:, :, 0]
-    if not seen.all():
-        posterior = np.where(seen[:, None, None], posterior, P)
+        before = P[targets]
+        regression = np.swapaxes(before[:, :2, 2:], 1, 2) @ seen_by.precision[seen]
+        rest = velocity_rest(before, regression)
+        covariances[targets] = recombined(position, regression, rest)
+        means[targets, :2] += shift
+        means[targets, 2:] += (regression @ shift[:, :, None])[:, :, 0]
+    unseen, outliers = beliefs.unseen_s.copy(), beliefs.rejected.copy()
+    outliers[seen_by.targets] += rejected
+    unseen[targets] = 0.0
+    outliers[targets] = 0
     return replace(
-        beliefs,
-        means=beliefs.means + moved,
-        covariances=posterior,
-        unseen_s=np.where(seen, 0.0, beliefs.unseen_s),
-        rejected=np.where(seen, 0, beliefs.rejected + sightings),
+        beliefs, means=means, covariances=covariances, unseen_s=unseen, rejected=outliers
     )

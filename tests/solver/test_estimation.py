@@ -20,6 +20,7 @@ from solver.snapshot import TrackStatus
 SENSOR = SensorModel()
 IDS = (122, 124, 126)
 WALK = FilterSettings(process_noise=0.1, gate_probability=None)
+TEXTBOOK = 0
 CRUISE = replace(WALK, model=MotionModel.CONSTANT_VELOCITY, process_noise=0.02)
 EITHER = pytest.mark.parametrize("settings", [WALK, CRUISE], ids=["walk", "cruise"])
 
@@ -98,6 +99,7 @@ class Oracle:
 @EITHER
 def test_equals_filterpy_on_the_same_data(settings: FilterSettings) -> None:
     rng = np.random.default_rng(3)
+    settings = replace(settings, refinements=TEXTBOOK)
     beliefs = known(settings)
     oracles = [
         Oracle(m, P, settings) for m, P in zip(beliefs.means, beliefs.covariances, strict=True)
