@@ -10,7 +10,7 @@ from solver.setpoints import Setpoint
 from vehicles.body import BodyEvent, BodyState
 from vehicles.mavlink.codec import Counts
 from vehicles.mavlink.session import Session
-from vehicles.mavlink.udp import Address, Endpoint, Peers, UdpSocket, open_udp, peer_of
+from vehicles.mavlink.udp import Address, Endpoint, Peers, UdpSocket, alongside, open_udp, peer_of
 from vehicles.messages import Order
 
 TICK_S = 0.05
@@ -108,11 +108,7 @@ async def connected(
     body.socket = await open_udp(endpoint, body.receive)
     logger.info("listening for a vehicle at %s", endpoint)
     try:
-        async with asyncio.TaskGroup() as tasks:
-            running = tasks.create_task(body.run())
-            try:
-                yield body
-            finally:
-                running.cancel()
+        async with alongside(body.run()):
+            yield body
     finally:
         await body.socket.close()

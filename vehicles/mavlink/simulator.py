@@ -6,7 +6,7 @@ from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 
 from vehicles.mavlink.autopilot import SimulatedAutopilot
-from vehicles.mavlink.udp import Address, Endpoint, Peers, UdpSocket, open_udp, peer_of
+from vehicles.mavlink.udp import Address, Endpoint, Peers, UdpSocket, alongside, open_udp, peer_of
 
 STEP_S = 0.02
 MAX_PEERS = 8
@@ -62,11 +62,7 @@ async def flying(
     simulator = Simulator(autopilot, Peers(await peer_of(endpoint), most=MAX_PEERS), clock)
     simulator.socket = await open_udp(endpoint, simulator.receive)
     try:
-        async with asyncio.TaskGroup() as tasks:
-            running = tasks.create_task(simulator.run())
-            try:
-                yield simulator
-            finally:
-                running.cancel()
+        async with alongside(simulator.run()):
+            yield simulator
     finally:
         await simulator.socket.close()
