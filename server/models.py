@@ -12,9 +12,11 @@ from server.settings import Settings
 
 MOCK = "mock"
 NOBODY = "none"
+EXACT = "exact"
+"""No model: our own assignment solver in the task model's place."""
+_CHOICES = "choose mock, exact, none or an http(s) address"
 _NOT_BUILT = {
     "local": "the embedded model is not built yet",
-    "exact": "the assignment solver is not built yet",
 }
 
 
@@ -23,20 +25,24 @@ class ModelUnavailable(Exception):
 
 
 def checked_choice(choice: str) -> str:
-    """Return the choice if it is mock, none, or an http(s) address.
+    """Return the choice if it is mock, exact, none, or an http(s) address.
 
     Raises ModelUnavailable otherwise.
     """
     if choice in _NOT_BUILT:
-        raise ModelUnavailable(f"--llm {choice}: {_NOT_BUILT[choice]}; use mock, none or a URL")
-    if choice in {MOCK, NOBODY} or _is_address(choice):
+        raise ModelUnavailable(
+            f"--llm {choice}: {_NOT_BUILT[choice]}; use mock, exact, none or a URL"
+        )
+    if choice in {MOCK, NOBODY, EXACT} or _is_address(choice):
         return choice
-    raise ModelUnavailable(f"--llm {choice[:80]!r}: expected mock, none or an http(s) address")
+    raise ModelUnavailable(
+        f"--llm {choice[:80]!r}: expected mock, exact, none or an http(s) address"
+    )
 
 
 @asynccontextmanager
 async def open_model(choice: str, settings: Settings) -> AsyncIterator[LanguageModel | None]:
-    """Open the chosen model for as long as the block runs; None is nobody.
+    """Open the chosen model for as long as the block runs; None where no model is asked.
 
     An address is that of an OpenAI-compatible API, up to and including its version; model
     name and key come from the settings.
@@ -44,7 +50,7 @@ async def open_model(choice: str, settings: Settings) -> AsyncIterator[LanguageM
     Raises ModelUnavailable for anything else.
     """
     choice = checked_choice(choice)
-    if choice == NOBODY:
+    if choice in {NOBODY, EXACT}:
         yield None
     elif choice == MOCK:
         # The mock is a server by nature: only those who use it pay for importing it.

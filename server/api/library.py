@@ -42,6 +42,7 @@ class ScenarioLibrary:
         """Return the models that a mission may be given."""
         found = [
             LlmProfile(name="mock", description="Built-in rule model; no language model."),
+            LlmProfile(name="exact", description="Our assignment solver; weights stay."),
             LlmProfile(name="none", description="Nobody advises: the scenario's directives stay."),
         ]
         if self._settings.llm_base_url is not None:

@@ -24,8 +24,9 @@ LlmOption = Annotated[
     str,
     typer.Option(
         "--llm",
-        metavar="mock|none|URL",
-        help="Who advises: the built-in rule model, nobody, or an OpenAI-compatible endpoint "
+        metavar="mock|exact|none|URL",
+        help="Who advises: the built-in rule model, our assignment solver, nobody, or an "
+        "OpenAI-compatible endpoint "
         "(model and key from FALCONER_LLM_MODEL and FALCONER_LLM_API_KEY).",
     ),
 ]

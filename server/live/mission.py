@@ -15,8 +15,9 @@ from llm.chat import LanguageModel
 from llm.prompts import Loop
 from server.advice import Advisors
 from server.encoding import EventKind, MissionState, Severity, comment_object
+from server.exact import ExactSolver
 from server.live.channel import Json, RequestRefused
-from server.live.consulting import ModelLoop
+from server.live.consulting import AdviceLoop, ModelLoop, Pace, SolverLoop
 from server.live.figures import LiveFigures
 from server.live.herald import Herald
 from server.live.schedule import Schedule
@@ -76,7 +77,7 @@ class LiveMission:
         core: TapedCore,
         solver: Solver,
         link: TeamLink,
-        model: LanguageModel | None,
+        adviser: LanguageModel | ExactSolver | None,
         tell: Callable[[Json], None],
         now: Callable[[], float],
     ) -> None:
@@ -91,9 +92,7 @@ class LiveMission:
         self._advisors = Advisors(core.core)
         self._figures = LiveFigures(self._setup)
         self._meter = LoopMeter()
-        self._loops: dict[Loop, ModelLoop] = {}
-        if model is not None:
-            self._loops = self._make_loops(model)
+        self._loops = self._make_loops(adviser)
         self._inbox: deque[Comment | HoldChange] = deque()
         self._proposals: deque[tuple[Proposal, asyncio.Future[Verdict]]] = deque()
         self._script = deque(terms.comments)
@@ -276,25 +275,33 @@ class LiveMission:
 
     # ------------------------------------------------------------------ the loops
 
-    def _make_loops(self, model: LanguageModel) -> dict[Loop, ModelLoop]:
+    def _make_loops(self, adviser: LanguageModel | ExactSolver | None) -> dict[Loop, AdviceLoop]:
         periods = self._setup.loops
+        task = Pace(LoopClock(periods.task_period_s, self._now()), self._now)
+        if adviser is None:
+            return {}
+        if isinstance(adviser, ExactSolver):
+            return {Loop.TASK: SolverLoop(task, adviser, self._snapshot, self._propose)}
+        action = Pace(LoopClock(periods.action_period_s, self._now()), self._now)
         kinds = {
-            Loop.TASK: (periods.task_period_s, self._advisors.task),
-            Loop.ACTION: (periods.action_period_s, self._advisors.action),
+            Loop.TASK: (task, self._advisors.task),
+            Loop.ACTION: (action, self._advisors.action),
         }
         return {
             loop: ModelLoop(
-                LoopClock(period_s, self._now()),
-                model,
+                pace,
+                adviser,
                 self._terms.model_timeout_s,
                 consult,
-                lambda: self._core.snapshot,
+                self._snapshot,
                 self._propose,
                 self._herald.outcome,
-                self._now,
             )
-            for loop, (period_s, consult) in kinds.items()
+            for loop, (pace, consult) in kinds.items()
         }
+
+    def _snapshot(self) -> Snapshot:
+        return self._core.snapshot
 
     async def _propose(self, proposal: Proposal) -> Verdict:
         """Let a proposal wait for the next tick; return the core's verdict."""

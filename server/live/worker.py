@@ -18,6 +18,7 @@ from uuid import uuid4
 
 import structlog
 
+from server.exact import ExactSolver
 from server.live.channel import MAX_LINE_BYTES, Json, RequestRefused, Responder
 from server.live.job import JobError, PlannerJob, load_job
 from server.live.mission import ITERATIONS, LiveMission, Terms
@@ -25,7 +26,7 @@ from server.live.solving import SolveThread
 from server.logs import configure_logs
 from server.mission.core import MissionCore
 from server.mission.tape import NoTape, Recorder, TapedCore
-from server.models import ModelUnavailable, open_model
+from server.models import EXACT, ModelUnavailable, open_model
 from server.settings import SettingsError, load_settings
 from solver import engines
 from solver.planner import Planner
@@ -151,7 +152,8 @@ class Worker:
             open_model(job.llm, load_settings()) as model,
         ):
             with SolveThread(planner) as solver:
-                mission = LiveMission(terms, core, solver, link, model, tell.push, now)
+                adviser = ExactSolver(setup) if job.llm == EXACT else model
+                mission = LiveMission(terms, core, solver, link, adviser, tell.push, now)
                 endpoint = next(iter((*bus.endpoints, *job.bus.connect)))
                 yield mission, endpoint
 

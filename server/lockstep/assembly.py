@@ -5,11 +5,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from server.lockstep.advice import Latency, VirtualAdvice
-from server.lockstep.driver import Lockstep, ScriptedComment
+from server.lockstep.driver import Advice, Lockstep, ScriptedComment
+from server.lockstep.exact import ExactAdvice
 from server.mission.core import MissionCore
 from server.mission.setup import MissionSetup
 from server.mission.tape import NoTape, Recorder, TapedCore
-from server.models import open_model
+from server.models import EXACT, open_model
 from server.settings import Settings
 from solver import engines
 from solver.planner import Planner
@@ -41,7 +42,11 @@ class Assembly:
         engine = engines.create(self.setup.planner.engine or engines.default_engine())
         core = TapedCore(MissionCore(self.setup), recorder or NoTape())
         async with open_model(self.llm, self.settings) as model:
-            advice = None if model is None else VirtualAdvice(core, model, self.latency)
+            advice: Advice | None = None
+            if self.llm == EXACT:
+                advice = ExactAdvice(core)
+            elif model is not None:
+                advice = VirtualAdvice(core, model, self.latency)
             run = Lockstep(
                 self.setup,
                 World(self.world, Streams(self.setup.seed)),

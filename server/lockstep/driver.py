@@ -3,11 +3,10 @@
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
-from server.lockstep.advice import VirtualAdvice
 from server.lockstep.robots import SimulatedTeam
 from server.mission.setup import MissionSetup
 from server.mission.tape import TapedCore
@@ -34,6 +33,28 @@ class ScriptedComment:
     text: str
 
 
+class Advice(Protocol):
+    """Whoever advises a lockstep mission."""
+
+    @property
+    def task(self) -> LoopTally:
+        """The task loop's figures."""
+        ...
+
+    @property
+    def action(self) -> LoopTally:
+        """The action loop's figures."""
+        ...
+
+    async def deliver(self, now_s: float) -> None:
+        """Hand over every answer that has arrived by now."""
+        ...
+
+    async def ask(self, now_s: float) -> None:
+        """Look at the newest snapshot and ask where a loop is due."""
+        ...
+
+
 class Lockstep:
     """One mission in virtual time. Same setup, seed and answers: same run, bit for bit."""
 
@@ -43,7 +64,7 @@ class Lockstep:
         world: World,
         core: TapedCore,
         planner: Planner,
-        advice: VirtualAdvice | None,
+        advice: Advice | None,
         comments: tuple[ScriptedComment, ...] = (),
     ) -> None:
         self._setup = setup

@@ -10,6 +10,7 @@ from llm.chat import ChatReply, ChatRequest, ErrorKind, LanguageModel, ModelErro
 from llm.mock.app import in_process_client
 from server.lockstep.advice import PAPER_LATENCY, Latency, VirtualAdvice
 from server.lockstep.driver import LOCKSTEP_BUDGET, Lockstep, ScriptedComment
+from server.lockstep.exact import ExactAdvice
 from server.mission.core import MissionCore
 from server.mission.setup import MissionSetup
 from server.mission.tape import Committed, Difference, MemoryTape, TapedCore, replay
@@ -104,6 +105,20 @@ def test_an_answer_arrives_after_its_latency_and_not_before(planner: Planner) ->
     _, late = fly(planner, in_process_client(), FOCUS, steps=64, latency=Latency(1.36, 0.89))
     assert Pairing(0, 1) in early.snapshot.directives.assignment
     assert Pairing(0, 1) in late.snapshot.directives.assignment
+
+
+def test_the_assignment_solver_advises_without_a_model(planner: Planner) -> None:
+    scenario = named("ablation")
+    setup = replace(scenario.mission_setup(), steps=60)
+    core = TapedCore(MissionCore(setup), MemoryTape())
+    world = World(scenario.world_setup(), Streams(0))
+    run = Lockstep(setup, world, core, planner, ExactAdvice(core))
+    result = asyncio.run(run.run(lambda _: None))
+    alone, _ = fly(planner, None, steps=60)
+    assert result["directives"]["assignment_source"] == "exact"
+    assert result["directives"]["beta"] == 0
+    assert result["accumulated_trace"] < alone["accumulated_trace"]
+    assert result["task_llm"]["calls"] == 0
 
 
 class Unreachable:
