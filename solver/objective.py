@@ -11,11 +11,11 @@ from dataclasses import astuple, dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from solver import matrices
 from solver.arrays import FloatArray, IntArray
 from solver.bounds import pulled_back, rollout
+from solver.pairs import near_pairs
 from solver.problem import Dynamics, Problem, ZoneTable
 from solver.sensing import TARGET_FLOOR_M, gains
 
@@ -43,9 +43,6 @@ MATE_SMOOTHING_M = 0.05
 PRIOR_LEAST = 1e-6
 PRIOR_GREATEST = 1e4
 """Eigenvalues of the priors, m^2: an indefinite one makes the cost unbounded."""
-
-_ALL_PAIRS = 64
-"""Up to this team size all pairs are looked at, beyond it a tree finds the near ones."""
 
 
 class _Smoothing(NamedTuple):
@@ -289,7 +286,7 @@ def _separation(
 ) -> float:
     """Return the squared hinges of robots nearer than min_dist to mates and obstacles."""
     weight, total = problem.separation_weight, 0.0
-    first, second = _near_pairs(positions, problem.min_dist_m)
+    first, second = _ever_near(positions, problem.min_dist_m + smoothing.zone_m)
     if len(first):
         offset = positions[first] - positions[second]
         value, slope = _crowding(offset, problem.min_dist_m, smoothing.zone_m)
@@ -304,17 +301,12 @@ def _separation(
     return weight * total
 
 
-def _near_pairs(positions: FloatArray, reach: float) -> tuple[IntArray, IntArray]:
+def _ever_near(positions: FloatArray, reach: float) -> tuple[IntArray, IntArray]:
     """Return index arrays of all pairs that may be nearer than `reach` at any step."""
-    count, horizon = positions.shape[:2]
-    if count <= _ALL_PAIRS:
-        first, second = np.triu_indices(count, 1)
-        return first, second
-    found = [
-        cKDTree(positions[:, k]).query_pairs(reach + 0.1, output_type="ndarray")
-        for k in range(horizon)
-    ]
-    pairs = np.unique(np.concatenate(found), axis=0)
+    found = [near_pairs(positions[:, k], reach) for k in range(positions.shape[1])]
+    if len(found) == 1 or found[0][0] is found[1][0]:
+        return found[0]
+    pairs = np.unique(np.concatenate([np.stack(each, axis=1) for each in found]), axis=0)
     return pairs[:, 0], pairs[:, 1]
 
 

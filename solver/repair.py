@@ -123,15 +123,11 @@ def _is_sound(problem: Problem) -> bool:
     ordered = (problem.control_lower <= problem.control_upper).all()
     if not (ordered and (problem.field_lower <= problem.field_upper).all()):
         return False
-    return all(
-        matrices.clamped(stack, least, greatest) is stack
-        for stack, least, greatest in (
-            (problem.target_priors, PRIOR_LEAST, PRIOR_GREATEST),
-            (problem.target_growth, 0.0, PRIOR_GREATEST),
-            (s.covariances, PRIOR_LEAST, PRIOR_GREATEST),
-            (c.covariances, PRIOR_LEAST, PRIOR_GREATEST),
-        )
-    )
+    spreads = np.concatenate((problem.target_priors, s.covariances, c.covariances))
+    if matrices.clamped(spreads, PRIOR_LEAST, PRIOR_GREATEST) is not spreads:
+        return False
+    growth = problem.target_growth[1:]
+    return matrices.clamped(growth, 0.0, PRIOR_GREATEST) is growth if growth.size else True
 
 
 def _fits(problem: Problem, previous: FloatArray) -> bool:

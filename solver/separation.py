@@ -10,12 +10,11 @@ the way it needs to brake as well. Each command is replaced by the nearest one t
 import math
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from solver.arrays import FloatArray, IntArray
+from solver.pairs import near_pairs
 from solver.problem import Dynamics, Problem
 
-_ALL_PAIRS = 64
 _TOLERANCE = 1e-9
 _GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
 
@@ -60,35 +59,32 @@ def separated(
 def _neighbours(problem: Problem) -> tuple[IntArray, FloatArray, FloatArray]:
     """Return (E,) robots, (E, 2) unit normals to what is near, (E,) how far they may go."""
     x, least = problem.positions, problem.min_dist_m
-    first, second = _near_pairs(x, least + 2.0 * _reach(problem))
-    robots = np.concatenate((first, second))
-    offsets = np.concatenate((x[second] - x[first], x[first] - x[second]))
+    reach = least + 2.0 * _reach(problem)
+    first, second = near_pairs(x, reach)
+    apart = x[second] - x[first]
+    distances = np.hypot(apart[:, 0], apart[:, 1])
+    near = distances < reach
+    robots, offsets = np.empty(0, dtype=np.int64), np.empty((0, 2))
+    if near.any():
+        robots = np.concatenate((first[near], second[near]))
+        offsets = np.concatenate((apart[near], -apart[near]))
+    mates = len(robots) // 2
     if len(problem.obstacles):
-        count = len(problem.obstacles)
-        robots = np.concatenate((robots, np.repeat(np.arange(len(x)), count)))
-        to_obstacles = (problem.obstacles[None] - x[:, None]).reshape(-1, 2)
-        offsets = np.concatenate((offsets, to_obstacles))
+        to_obstacles = problem.obstacles[None] - x[:, None]
+        at, obstacle = np.nonzero(np.hypot(to_obstacles[..., 0], to_obstacles[..., 1]) < reach)
+        robots = np.concatenate((robots, at))
+        offsets = np.concatenate((offsets, to_obstacles[at, obstacle]))
     distances = np.hypot(offsets[:, 0], offsets[:, 1])
     # Two robots on one spot have no direction between them: one is made up, the same for both.
     merged = distances < _TOLERANCE
     if merged.any():
         angles = _GOLDEN_ANGLE * np.arange(len(offsets))
-        pairs = len(first)
-        angles[pairs : 2 * pairs] = angles[:pairs] + math.pi
+        angles[mates : 2 * mates] = angles[:mates] + math.pi
         made_up = np.stack((np.cos(angles), np.sin(angles)), axis=1)
         offsets = np.where(merged[:, None], made_up, offsets)
+        distances = np.where(merged, 0.0, distances)
     normals = offsets / np.where(merged, 1.0, distances)[:, None]
     return robots, normals, np.maximum(0.0, 0.5 * (distances - least))
-
-
-def _near_pairs(positions: FloatArray, reach: float) -> tuple[IntArray, IntArray]:
-    count = len(positions)
-    if count <= _ALL_PAIRS:
-        first, second = np.triu_indices(count, 1)
-        return first, second
-    pairs = cKDTree(positions).query_pairs(reach, output_type="ndarray")
-    pairs = pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
-    return pairs[:, 0], pairs[:, 1]
 
 
 def _reach(problem: Problem) -> float:
