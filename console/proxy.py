@@ -33,7 +33,9 @@ CLOSE_TOO_BIG = 1009
 
 HOUSE_STYLE = """<style>
 html, body, #root, #root div:has(> div > [data-dock-root]) { background: transparent !important; }
-.mantine-Notifications-root, [data-floating-window] { display: none !important; }
+.mantine-Notifications-root, .mantine-Paper-root, [data-floating-window] {
+  display: none !important;
+}
 </style>"""
 
 

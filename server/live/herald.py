@@ -69,13 +69,13 @@ class Herald:
         )
 
     def notice(self, notice: Notice) -> None:
-        """Tell what a robot or the link said to people; that it flies goes without saying."""
-        if notice.code == "mode" and notice.text.startswith(Mode.FLYING):
+        """Tell what a robot or the link said to people, unless the news tell it already."""
+        flies = notice.code == "mode" and notice.text.startswith(Mode.FLYING)
+        if flies or notice.code == "recovery":
             return
         who = "" if notice.robot_id is None else f"Robot {notice.robot_id}: "
-        kind = EventKind.RECOVERY if notice.code == "recovery" else EventKind.LINK
         severity = Severity.WARNING if notice.code in _TROUBLE else Severity.INFO
-        self.say(kind, severity, f"{who}{notice.text}", {"code": notice.code})
+        self.say(EventKind.LINK, severity, f"{who}{notice.text}", {"code": notice.code})
 
     def outcome(
         self, consultation: Consultation, outcome: Outcome, verdict: Verdict | None

@@ -159,7 +159,7 @@ def _comments(before: Snapshot, after: Snapshot) -> Iterator[Item]:
             text = f"{comment.author.capitalize()}: {comment.text}"
             yield Item(EventKind.COMMENT, Severity.INFO, text, data)
         elif old[comment.id].status != receipt.status:
-            reason = receipt.task_reason or receipt.action_reason
+            reason = _reason(receipt)
             text = f"Comment {comment.id} {receipt.status.replace('_', ' ')}" + (
                 f": {reason}" if reason else "."
             )
@@ -180,6 +180,15 @@ def _guidance(before: Snapshot, after: Snapshot) -> Iterator[Item]:
     if poor and not was_poor and after.solve is not None:
         text = f"The optimizer found no new plan; the team flies on rung {after.solve.rung.value}."
         yield Item(EventKind.ALARM, Severity.WARNING, text, {"rung": after.solve.rung.value})
+
+
+def _reason(receipt: CommentReceipt) -> str:
+    """Return the words of the loop that gave the receipt its status."""
+    answers = ((receipt.task, receipt.task_reason), (receipt.action, receipt.action_reason))
+    return next(
+        (words for verdict, words in answers if verdict is not None and verdict == receipt.status),
+        receipt.task_reason or receipt.action_reason,
+    )
 
 
 def _all_receipts(snapshot: Snapshot) -> tuple[CommentReceipt, ...]:

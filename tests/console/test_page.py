@@ -11,6 +11,9 @@ from typing import Literal
 import httpx
 import pytest
 from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_playwright
+from websockets.exceptions import InvalidStatus
+from websockets.sync.client import connect
+from websockets.typing import Origin
 
 pytestmark = [pytest.mark.browser, pytest.mark.process, pytest.mark.timeout(120)]
 
@@ -242,3 +245,21 @@ def test_a_second_browser_shows_the_same(browser: Browser, address: str, console
     for visited in (console, other):
         expect(visited.page.locator(".receipt")).to_have_count(len(comments), timeout=TIMEOUT_MS)
     context.close()
+
+
+@pytest.mark.parametrize(
+    "path", ["/scene", "/scene/", "/_nicegui_ws/socket.io/?EIO=4&transport=websocket"]
+)
+def test_a_foreign_page_gets_no_socket(address: str, path: str) -> None:
+    url = address.replace("http", "ws") + path
+    with pytest.raises(InvalidStatus) as refused:
+        connect(url, origin=Origin("https://evil.example"))
+    assert refused.value.response.status_code == 403
+
+
+@pytest.mark.parametrize("path", ["/", "/scene/", "/console/console.js"])
+def test_a_foreign_name_gets_no_page(address: str, path: str) -> None:
+    assert httpx.get(address + path, headers={"host": "evil.example"}).status_code == 421
+    answer = httpx.get(address + path)
+    assert answer.status_code == 200
+    assert "frame-ancestors 'self'" in answer.headers["content-security-policy"]

@@ -101,6 +101,14 @@ def test_comments_are_told_when_they_come_and_when_they_are_answered() -> None:
     assert told(answered, closed) == []
 
 
+def test_a_comment_is_told_with_the_reason_of_the_loop_that_applied_it() -> None:
+    comment = Comment("c1", "Be careful.", 1.0, 120.0)
+    noted = CommentReceipt(comment, CommentVerdict.NOTED, "Not mine.")
+    applied = replace(noted, action=CommentVerdict.APPLIED, action_reason="Safety counts more.")
+    before, after = snapshot(1.0, receipts=(noted,)), snapshot(1.1, receipts=(applied,))
+    assert told(before, after) == [("comment", "info", "Comment c1 applied: Safety counts more.")]
+
+
 def test_hold_guidance_and_a_failing_optimizer_are_told() -> None:
     before = snapshot(1.0)
     held = replace(before, hold=HoldState.HELD, guidance=Guidance.HOLD)
