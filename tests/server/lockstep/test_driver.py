@@ -109,12 +109,12 @@ def test_an_answer_arrives_after_its_latency_and_not_before(planner: Planner) ->
 
 def test_the_assignment_solver_advises_without_a_model(planner: Planner) -> None:
     scenario = named("ablation")
-    setup = replace(scenario.mission_setup(), steps=60)
+    setup = replace(scenario.mission_setup(), steps=200)
     core = TapedCore(MissionCore(setup), MemoryTape())
     world = World(scenario.world_setup(), Streams(0))
     run = Lockstep(setup, world, core, planner, ExactAdvice(core))
     result = asyncio.run(run.run(lambda _: None))
-    alone, _ = fly(planner, None, steps=60)
+    alone, _ = fly(planner, None, steps=200)
     assert result["directives"]["assignment_source"] == "exact"
     assert result["directives"]["beta"] == 0
     assert result["accumulated_trace"] < alone["accumulated_trace"]
