@@ -65,11 +65,11 @@ def run(
     from server.scenarios import library
 
     chosen = library.load(scenario)
-    setup = _adjusted(chosen.mission_setup(), gate, seed, steps, engine)
+    settings = load_settings(port=port)
+    setup = _adjusted(chosen.mission_setup(settings.engine), gate, seed, steps, engine)
     comments = scripted_comments(comment or [])
     latency = latency_option(llm_latency)
     llm = checked_choice(llm)
-    settings = load_settings(port=port)
     if not lockstep:
         from server.api.library import define_live
         from server.cli.live import serve_live

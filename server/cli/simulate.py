@@ -45,7 +45,7 @@ def sim(
         simulation=SimulationSettings(
             seed=setup.seed if seed is None else seed, tick_s=setup.live_tick_s
         ),
-        engine=engine.value if engine is not None else None,
+        engine=settings.engine if engine is None else engine.value,
     )
     logging.basicConfig(level=logging.INFO, stream=sys.stderr, format="%(levelname)s %(message)s")
     typer.echo(f"world of {setup.name}, team {setup.team}, on {connect} (Ctrl-C ends it)", err=True)
