@@ -1,5 +1,7 @@
 """A vehicle, its bridge and the air between them in virtual time."""
 
+import math
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
@@ -8,12 +10,14 @@ from solver.setpoints import Setpoint
 from vehicles.body import BodyEvent, BodyEventKind
 from vehicles.mavlink.alignment import Aligner, DatumAlignment
 from vehicles.mavlink.autopilot import AutopilotSettings, SimulatedAutopilot
+from vehicles.mavlink.codec import Codec
 from vehicles.mavlink.dialects import DIALECTS, Autopilot, Dialect
 from vehicles.mavlink.flight import FlightSettings, Start
 from vehicles.mavlink.frames import Datum
 from vehicles.mavlink.guard import GuardSettings, TakeOffRule
 from vehicles.mavlink.limits import FlightLimits
 from vehicles.mavlink.session import Session, SessionSettings
+from vehicles.messages import Mode
 
 STEP_S = 0.02
 ORIGIN = Datum(47.3769, 8.5417, 410.0)
@@ -115,3 +119,24 @@ def eastward(air: Air, speed_m_s: float = 1.0) -> Callable[[float], Setpoint]:
         return Setpoint(7, (speed_m_s, 0.0), (x + 0.5 * speed_m_s, y), 2.0, 0.5)
 
     return plan
+
+
+def kinds_sent(air: Air, since_s: float = 0.0) -> Counter[str]:
+    """Count the kinds of message the bridge has sent."""
+    reader = Codec(1, 1, None, None)
+    return Counter(
+        message.get_type()
+        for at_s, frame in air.sent
+        if at_s > since_s
+        for message in reader.decode(frame, at_s)
+    )
+
+
+def mode(air: Air) -> Mode:
+    state = air.session.state(air.now_s)
+    assert state is not None
+    return state.mode
+
+
+def speed(air: Air) -> float:
+    return math.hypot(*air.autopilot.flight.body.velocity)

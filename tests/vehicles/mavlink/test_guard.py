@@ -1,44 +1,29 @@
 """The guard in the air: a real session against the simulated autopilot, in virtual time."""
 
 import math
-from collections import Counter
 from collections.abc import Callable
 
 import pytest
 
 from solver.setpoints import Setpoint
-from tests.vehicles.mavlink.air import Air, build, dialect_of, eastward, flying
+from tests.vehicles.mavlink.air import (
+    build,
+    dialect_of,
+    eastward,
+    flying,
+    kinds_sent,
+    mode,
+    speed,
+)
 from vehicles.body import BodyEventKind as Kind
-from vehicles.mavlink.codec import Codec
 from vehicles.mavlink.dialects import ARDUPILOT, PX4, Autopilot, px4_mode
 from vehicles.mavlink.flight import Start
-from vehicles.mavlink.guard import Control, TakeOffRule
+from vehicles.mavlink.guard import Control
 from vehicles.mavlink.limits import FlightLimits
 from vehicles.messages import Mode, Order
 
 BOTH = pytest.mark.parametrize("autopilot", list(Autopilot))
 LOITER = {Autopilot.ARDUPILOT: 5, Autopilot.PX4: px4_mode(3)}
-
-
-def kinds_sent(air: Air, since_s: float = 0.0) -> Counter[str]:
-    """Count the kinds of message the bridge has sent."""
-    reader = Codec(1, 1, None, None)
-    return Counter(
-        message.get_type()
-        for at_s, frame in air.sent
-        if at_s > since_s
-        for message in reader.decode(frame, at_s)
-    )
-
-
-def mode(air: Air) -> Mode:
-    state = air.session.state(air.now_s)
-    assert state is not None
-    return state.mode
-
-
-def speed(air: Air) -> float:
-    return math.hypot(*air.autopilot.flight.body.velocity)
 
 
 @BOTH
@@ -137,29 +122,6 @@ def test_the_pilot_gives_it_back() -> None:
 
 
 @BOTH
-def test_an_operator_takes_it_back(autopilot: Autopilot) -> None:
-    air = flying(autopilot)
-    air.run(2.0)
-    air.autopilot.flight.change_mode(LOITER[autopilot], air.now_s)
-    air.flown(3.0, eastward(air))
-    air.session.order(Order.RESUME, air.now_s, "c9")
-    air.flown(4.0, eastward(air))
-    assert mode(air) is Mode.FLYING
-    assert [e.order_id for e in air.events if e.kind is Kind.DONE] == ["c9"]
-
-
-def test_landing_is_refused_while_a_pilot_flies() -> None:
-    air = flying()
-    air.run(2.0)
-    air.autopilot.flight.change_mode(5, air.now_s)
-    air.run(2.0)
-    air.session.order(Order.LAND, air.now_s, "c1")
-    air.run(5.0)
-    assert air.autopilot.flight.mode == 5
-    assert air.count(Kind.REFUSED) == 1
-
-
-@BOTH
 def test_battery_failsafe_is_told_once(autopilot: Autopilot) -> None:
     air = flying(autopilot, battery_start=0.16, battery_s=400.0)
     air.run(1.0)
@@ -231,118 +193,6 @@ def test_half_of_all_packets_may_be_lost(autopilot: Autopilot) -> None:
     assert mode(air) is Mode.FLYING
     assert 40.0 < air.autopilot.flight.body.position[0] < 62.0
     assert air.count(Kind.PILOT) == 0
-
-
-@BOTH
-def test_a_refused_mode_is_told_once(autopilot: Autopilot) -> None:
-    follow = dialect_of(autopilot).follow
-    air = flying(autopilot, refused_modes=frozenset({follow}))
-    air.autopilot.flight.mode = LOITER[autopilot]
-    air.run(2.0)
-    air.session.order(Order.RESUME, air.now_s, "c1")
-    air.flown(20.0, eastward(air))
-    assert [e.order_id for e in air.events if e.kind is Kind.REFUSED] == ["c1"]
-    assert air.session.guard.control is Control.STANDBY
-    assert air.autopilot.flight.mode == LOITER[autopilot]
-
-
-def test_an_answer_that_never_comes_is_given_up() -> None:
-    air = flying()
-    air.run(2.0)
-    air.down = lambda frame, now_s: []
-    air.session.order(Order.LAND, air.now_s, "c1")
-    air.run(10.0)
-    assert air.count(Kind.REFUSED) == 1
-    assert kinds_sent(air, 102.0)["COMMAND_LONG"] == 3
-    assert air.session.guard.control is Control.FOLLOWING
-
-
-@BOTH
-@pytest.mark.parametrize("order", [Order.LAND, Order.RETURN])
-def test_land_and_return(autopilot: Autopilot, order: Order) -> None:
-    air = flying(autopilot)
-    air.run(1.0)
-    air.flown(6.0, eastward(air))
-    away_m = air.autopilot.flight.body.position[0]
-    air.session.order(order, air.now_s, "c1")
-    air.run(1.5)
-    assert mode(air) is (Mode.LANDING if order is Order.LAND else Mode.RETURNING)
-    air.flown(40.0, eastward(air))
-    assert mode(air) is Mode.LANDED
-    assert not air.autopilot.flight.armed
-    x = air.autopilot.flight.body.position[0]
-    assert x > away_m - 0.1 if order is Order.LAND else abs(x) < 0.5
-    assert [e.order_id for e in air.events if e.kind is Kind.DONE] == ["c1"]
-    assert air.count(Kind.PILOT) == 0
-
-
-def test_hold_and_resume() -> None:
-    air = flying()
-    air.run(1.0)
-    air.flown(3.0, eastward(air))
-    air.session.order(Order.HOLD, air.now_s, "c1")
-    air.flown(2.0, eastward(air))
-    x = air.autopilot.flight.body.position[0]
-    air.flown(3.0, eastward(air))
-    assert mode(air) is Mode.HOLDING
-    assert air.autopilot.flight.body.position[0] == pytest.approx(x, abs=0.1)
-    air.session.order(Order.RESUME, air.now_s, "c2")
-    air.flown(3.0, eastward(air))
-    assert mode(air) is Mode.FLYING
-    assert air.autopilot.flight.body.position[0] > x + 2.0
-
-
-@BOTH
-def test_take_off(autopilot: Autopilot) -> None:
-    air = build(autopilot, take_off=TakeOffRule.ALLOWED)
-    air.run(3.0)
-    assert mode(air) is Mode.LANDED
-    air.session.order(Order.TAKE_OFF, air.now_s, "c1")
-    air.run(dialect_of(autopilot).stream_first_s + 0.7)
-    assert mode(air) is Mode.CLIMBING
-    air.run(6.0)
-    assert mode(air) is Mode.HOLDING
-    assert air.autopilot.flight.body.position[2] == pytest.approx(2.0, abs=0.1)
-    assert [e.order_id for e in air.events if e.kind is Kind.DONE] == ["c1"]
-    air.flown(3.0, eastward(air))
-    assert mode(air) is Mode.FLYING
-
-
-@BOTH
-def test_nothing_arms_unless_it_is_allowed(autopilot: Autopilot) -> None:
-    air = build(autopilot)
-    air.run(3.0)
-    air.session.order(Order.TAKE_OFF, air.now_s, "c1")
-    air.session.order(Order.RESUME, air.now_s, "c2")
-    air.flown(10.0, eastward(air))
-    assert not air.autopilot.flight.armed
-    assert [e.order_id for e in air.events if e.kind is Kind.REFUSED] == ["c1", "c2"]
-
-
-def test_a_pilot_may_take_over_while_it_climbs() -> None:
-    air = build(take_off=TakeOffRule.ALLOWED)
-    air.autopilot.flight.mode = 5
-    air.run(3.0)
-    air.session.order(Order.TAKE_OFF, air.now_s, "c1")
-    air.run(0.7)
-    assert mode(air) is Mode.CLIMBING
-    air.autopilot.flight.change_mode(5, air.now_s)
-    air.run(1.0)
-    taken_s = air.now_s
-    air.run(10.0)
-    assert air.count(Kind.PILOT) == 1
-    assert kinds_sent(air, taken_s) == {}
-
-
-def test_a_landed_vehicle_is_not_streamed_to() -> None:
-    air = flying(Autopilot.PX4)
-    air.run(2.0)
-    air.autopilot.flight.body.rest(0.0)
-    air.autopilot.flight.armed = False
-    air.flown(2.0, eastward(air))
-    landed_s = air.now_s
-    air.flown(3.0, eastward(air))
-    assert kinds_sent(air, landed_s)["SET_POSITION_TARGET_LOCAL_NED"] == 0
 
 
 def bad(setpoint: Setpoint) -> Callable[[float], Setpoint]:
