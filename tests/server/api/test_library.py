@@ -90,11 +90,11 @@ def test_a_bad_scenario_names_what_is_wrong(scenario: Any, word: str) -> None:
 
 
 def test_models_are_profiles_not_addresses() -> None:
-    assert [profile.name for profile in LIBRARY.profiles()] == ["mock", "none"]
+    assert [profile.name for profile in LIBRARY.profiles()] == ["mock", "exact", "none"]
     assert refused(scenario="hardware", llm="endpoint").code == "llm_unknown"
     configured = Settings(llm_base_url="http://127.0.0.1:8080/v1", llm_model="small")
     found = ScenarioLibrary(configured)
-    assert [profile.name for profile in found.profiles()] == ["mock", "none", ENDPOINT]
+    assert [profile.name for profile in found.profiles()] == ["mock", "exact", "none", ENDPOINT]
     definition = found.define(MissionRequest(scenario="hardware", llm=ENDPOINT))
     assert load_job(definition.planner).llm == "http://127.0.0.1:8080/v1"
 
