@@ -36,7 +36,7 @@ class Rung(StrEnum):
     BRAKE = "brake"
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True)
 class SensorModel:
     """Range and bearing noise that grows with distance: 1/R = peak exp(-shape d)."""
 
