@@ -5,6 +5,8 @@ all required, arrays with `maxItems`, enumerations. What the grammar cannot hold
 repeated ids) the verification does.
 """
 
+import itertools
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -18,6 +20,20 @@ LONGEST_FEEDBACK = 400
 WEIGHT_LEVELS = 9
 """Steps of a weight between its bounds in the compact style."""
 
+MOST_ROWS = 128
+"""Rows enumerated per robot at most."""
+
+SHORT_FEEDBACK = 100
+
+LEVELS = "levels"
+"""Weights in steps, for models that copy numbers rather than reckon."""
+
+FULL_ROWS = "full_rows"
+"""Each robot gets its even share of the targets at least, for models that leave rows empty."""
+
+BRIEF = "brief"
+"""Short texts, for models that go on for ever."""
+
 Schema = dict[str, Any]
 
 
@@ -27,19 +43,17 @@ def task_schema(team: Team, comments: Sequence[str], extras: Sequence[str]) -> S
     Args:
         team: Robots that can be reached, targets that count, effective capacities.
         comments: Labels of the comments to be answered.
-        extras: Names of optional proposals offered: "capacities".
+        extras: What is offered: "capacities"; and how: FULL_ROWS, BRIEF.
     """
     targets: Schema = {"type": "integer"}
     if team.targets:
         targets["enum"] = list(team.targets)
+    reachable = [r for r, link in team.links.items() if link is Link.CONNECTED]
+    share = -(-len(team.targets) // max(1, len(reachable))) if FULL_ROWS in extras else 0
     rows = {
-        str(robot_id): {
-            "type": "array",
-            "items": targets,
-            "maxItems": team.capacities[robot_id],
-        }
-        for robot_id, link in team.links.items()
-        if link is Link.CONNECTED
+        str(robot_id): _choices(team.targets, share, team.capacities[robot_id])
+        or {"type": "array", "items": targets, "maxItems": team.capacities[robot_id]}
+        for robot_id in reachable
     }
     properties: Schema = {"assignment": _object(rows)}
     if "capacities" in extras:
@@ -48,7 +62,7 @@ def task_schema(team: Team, comments: Sequence[str], extras: Sequence[str]) -> S
             "capacity": {"type": "integer", "minimum": 0, "maximum": len(team.targets)},
         }
         properties["capacities"] = _several(_object(pair), len(rows))
-    return _object(properties | _common(comments))
+    return _object(properties | _common(comments, extras))
 
 
 def action_schema(
@@ -65,10 +79,10 @@ def action_schema(
         limits: Bounds of weights and severities.
         zones: Labels of the known zones.
         comments: Labels of the comments to be answered.
-        extras: Names of optional proposals offered: "severities", "replan".
+        extras: What is offered: "severities", "replan"; and how: LEVELS, BRIEF.
     """
     bounds = zip(WEIGHT_NAMES, limits.weights_lower, limits.weights_upper, strict=True)
-    levels = "levels" in extras
+    levels = LEVELS in extras
     weights = {
         name: (
             {"type": "number", "enum": weight_levels(lower, upper)}
@@ -96,7 +110,20 @@ def action_schema(
     if "replan" in extras and reachable:
         robots = {"type": "integer", "enum": reachable}
         properties["replan"] = _several(robots, len(reachable))
-    return _object(properties | _common(comments))
+    return _object(properties | _common(comments, extras))
+
+
+def _choices(targets: Sequence[int], least: int, most: int) -> Schema:
+    """Enumerate the rows a robot may have, where they are few; nothing otherwise.
+
+    Each row has at least its even share of the targets and none of them twice, which a
+    grammar cannot forbid in any other way.
+    """
+    sizes = range(min(least, most), most + 1) if least else ()
+    if not sizes or sum(math.comb(len(targets), size) for size in sizes) > MOST_ROWS:
+        return {}
+    rows = [list(row) for size in sizes for row in itertools.combinations(targets, size)]
+    return {"enum": rows}
 
 
 def weight_levels(lower: float, upper: float) -> list[float]:
@@ -106,13 +133,14 @@ def weight_levels(lower: float, upper: float) -> list[float]:
     return sorted({lower, *(min(max(level, lower), upper) for level in inner), upper})
 
 
-def _common(comments: Sequence[str]) -> Schema:
-    properties: Schema = {"feedback": {"type": "string", "maxLength": LONGEST_FEEDBACK}}
+def _common(comments: Sequence[str], extras: Sequence[str]) -> Schema:
+    longest = SHORT_FEEDBACK if BRIEF in extras else LONGEST_FEEDBACK
+    properties: Schema = {"feedback": {"type": "string", "maxLength": longest}}
     if comments:
         answer = {
             "id": {"type": "string", "enum": list(comments)},
             "verdict": {"type": "string", "enum": [verdict.value for verdict in CommentVerdict]},
-            "reason": {"type": "string", "maxLength": LONGEST_FEEDBACK},
+            "reason": {"type": "string", "maxLength": longest},
         }
         properties["comments"] = _several(_object(answer), len(comments))
     return properties

@@ -295,4 +295,4 @@ def test_no_text_makes_the_reading_slow(piece: str) -> None:
     started = time.perf_counter()
     for read in (read_task, read_action):
         said(read, text)
-    assert time.perf_counter() - started < 5.0
+    assert time.perf_counter() - started < 15.0

