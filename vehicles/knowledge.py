@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 
 from solver.directives import Weights
 from solver.estimation import FilterSettings
+from solver.exposure import FREE, Prices
 from solver.observations import OnboardTrack
 from solver.problem import Dynamics, SensorModel
 from solver.zones import Point, Zone
@@ -65,3 +66,6 @@ class Knowledge:
     """(zone id, multiplier) for zones that differ from 1."""
 
     mates: tuple[Mate, ...] = ()
+
+    prices: Prices = FREE
+    """Of being exposed to zones."""

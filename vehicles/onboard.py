@@ -14,6 +14,7 @@ import numpy as np
 from solver import estimation
 from solver.arrays import BoolArray, FloatArray, IntArray, frozen, frozen_bool
 from solver.beliefs import Beliefs, is_covariance
+from solver.exposure import zone_table
 from solver.observations import Detections, OnboardTrack, TrackReport
 from solver.plans import shifted
 from solver.problem import Budget, Problem, Solution, ZoneTable
@@ -212,8 +213,10 @@ class OnboardPilot:
             target_priors=frozen(priors),
             target_growth=frozen(growth),
             sensor=rules.sensor,
-            sensing=_sensing_table(zones, severities),
-            communication=_communication_table(zones, severities, self._back_off_m()),
+            sensing=_sensing_table(zones, severities, knowledge.prices.sensing),
+            communication=_communication_table(
+                zones, severities, knowledge.prices.communication, self._back_off_m()
+            ),
             weights=knowledge.weights,
             separation_weight=rules.separation_weight,
             min_dist_m=rules.min_dist_m,
@@ -257,15 +260,18 @@ def _selected(beliefs: Beliefs, rows: IntArray) -> Beliefs:
     )
 
 
-def _sensing_table(zones: tuple[Zone, ...], severities: dict[str, float]) -> ZoneTable:
+def _sensing_table(
+    zones: tuple[Zone, ...], severities: dict[str, float], price: float
+) -> ZoneTable:
     chosen = [zone for zone in zones if zone.kind is ZoneKind.SENSING]
     severity = [severities.get(zone.id, 1.0) for zone in chosen]
     quantiles = [zone.quantile(s) for zone, s in zip(chosen, severity, strict=True)]
-    return _table(chosen, [zone.margin for zone in chosen], quantiles, severity)
+    margins = [zone.margin for zone in chosen]
+    return zone_table(chosen, _all_known(chosen), quantiles, margins, severity, price)
 
 
 def _communication_table(
-    zones: tuple[Zone, ...], severities: dict[str, float], back_off_m: float
+    zones: tuple[Zone, ...], severities: dict[str, float], price: float, back_off_m: float
 ) -> ZoneTable:
     """Communication zones as a robot alone fears them: its own risk, no term of the team.
 
@@ -275,23 +281,15 @@ def _communication_table(
     chosen = [zone for zone in zones if zone.kind is ZoneKind.COMMUNICATION]
     severity = [severities.get(zone.id, 1.0) for zone in chosen]
     quantiles = [
-        zone.quantile_single(s) + back_off_m / np.sqrt(0.5 * np.trace(zone.covariance))
+        zone.quantile_single(s) + back_off_m / float(np.sqrt(0.5 * np.trace(zone.covariance)))
         for zone, s in zip(chosen, severity, strict=True)
     ]
-    return _table(chosen, [0.0] * len(chosen), quantiles, severity)
+    margins = [0.0] * len(chosen)
+    return zone_table(chosen, _all_known(chosen), quantiles, margins, severity, price)
 
 
-def _table(
-    zones: list[Zone], margins: list[float], quantiles: list[float], severities: list[float]
-) -> ZoneTable:
-    return ZoneTable(
-        centres=frozen(np.reshape([zone.mean for zone in zones], (-1, 2))),
-        covariances=frozen(np.reshape([zone.covariance for zone in zones], (-1, 2, 2))),
-        margins=frozen(margins),
-        quantiles=frozen(quantiles),
-        severities=frozen(severities),
-        known=frozen_bool(np.ones((1, len(zones)), dtype=np.bool_)),
-    )
+def _all_known(zones: list[Zone]) -> BoolArray:
+    return np.ones((1, len(zones)), dtype=np.bool_)
 
 
 def _point(row: FloatArray) -> Point:

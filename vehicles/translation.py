@@ -9,6 +9,7 @@ from typing import Any
 from solver import observations as facts
 from solver.directives import Weights
 from solver.estimation import FilterSettings
+from solver.exposure import Prices
 from solver.problem import SensorModel
 from solver.setpoints import Setpoint
 from solver.zones import Zone, ZoneKind
@@ -226,6 +227,7 @@ def knowledge_message(header: dict[str, Any], known: Knowledge) -> wire.Knowledg
         mates=tuple(
             wire.MatePart(robot_id=mate.robot_id, position=mate.position) for mate in known.mates
         ),
+        prices=(known.prices.sensing, known.prices.communication),
     )
 
 
@@ -256,6 +258,7 @@ def knowledge_of(message: wire.Knowledge, now_s: float) -> Knowledge:
         zones=tuple(zone_of(zone) for zone in message.zones),
         severities=message.severities,
         mates=tuple(Mate(mate.robot_id, mate.position) for mate in message.mates),
+        prices=Prices(*message.prices),
     )
 
 

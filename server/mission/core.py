@@ -13,6 +13,7 @@ import numpy as np
 from llm.verification import Limits, verify
 from server.mission.changes import applied, assignment_proposal, without_expired
 from server.mission.comments import CommentLedger
+from server.mission.exposure import PriceList
 from server.mission.guidance import GuidanceLadder
 from server.mission.knowledge import ZoneKnowledge, zone_table
 from server.mission.plans import PlanBook
@@ -23,6 +24,7 @@ from solver.arrays import frozen, frozen_bool
 from solver.assignment import repair
 from solver.directives import Directives, Proposal, Source, Verdict
 from solver.estimation import Beliefs
+from solver.exposure import Prices
 from solver.observations import (
     Attack,
     Comment,
@@ -62,6 +64,7 @@ class MissionCore:
         )
         self._team = TeamBook(setup)
         self._zones = ZoneKnowledge(setup.robot_ids)
+        self._price_list = PriceList(setup)
         self._comments = CommentLedger()
         self._guidance = GuidanceLadder(setup.loops.task_period_s)
         self._plans = PlanBook(setup)
@@ -90,6 +93,11 @@ class MissionCore:
     def directives(self) -> Directives:
         """What is in force now; the snapshot shows what was in force at its tick."""
         return self._directives
+
+    @property
+    def prices(self) -> Prices:
+        """What exposure to zones costs under the directives in force."""
+        return self._price_list.of(self._directives.assignment)
 
     @property
     def limits(self) -> Limits:
@@ -252,7 +260,7 @@ class MissionCore:
         )
         columns = np.flatnonzero(self._beliefs.known)
         zones, known = self._zones.zones, self._zones.known()[list(rows)]
-        severities = dict(self._directives.severities)
+        severities, prices = dict(self._directives.severities), self.prices
         return Problem(
             robot_ids=self._lanes.ids,
             step_s=planner.plan_step_s,
@@ -270,8 +278,10 @@ class MissionCore:
             target_priors=frozen(priors[columns]),
             target_growth=frozen(growth[:, columns]),
             sensor=setup.sensor,
-            sensing=zone_table(zones, known, ZoneKind.SENSING, severities),
-            communication=zone_table(zones, known, ZoneKind.COMMUNICATION, severities),
+            sensing=zone_table(zones, known, ZoneKind.SENSING, severities, prices.sensing),
+            communication=zone_table(
+                zones, known, ZoneKind.COMMUNICATION, severities, prices.communication
+            ),
             weights=self._directives.weights,
             separation_weight=planner.separation_weight,
             min_dist_m=planner.min_dist_m,

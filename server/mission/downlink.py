@@ -67,4 +67,5 @@ def knowledge_for(robot_id: int, core: MissionCore) -> Knowledge:
         zones=tuple(snapshot.zones[z] for z in np.flatnonzero(snapshot.known[row])),
         severities=snapshot.directives.severities,
         mates=mates,
+        prices=core.prices,
     )

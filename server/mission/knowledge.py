@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from solver.arrays import BoolArray, frozen, frozen_bool
+from solver import exposure
+from solver.arrays import BoolArray, frozen_bool
 from solver.observations import Link
 from solver.problem import ZoneTable
 from solver.zones import Zone, ZoneKind
@@ -60,19 +61,27 @@ def zone_table(
     known: BoolArray,
     kind: ZoneKind,
     severities: dict[str, float],
+    price: float,
 ) -> ZoneTable:
     """Return the zones of one kind as the optimizer's arrays, severity folded in.
 
-    `known` is (M, Z) over all `zones`, rows being the planned robots.
+    `known` is (M, Z) over all `zones`, rows being the planned robots; `price` is that of
+    exposure (`solver.exposure`). Where communication has a price, what is left to its hinge is
+    what the price does not know: the disc of `margin * spread` in which jamming is certain.
+    Around the chance-constrained rim that disc would count twice, and send a team that has
+    to spread far out of its way.
     """
     columns = [i for i, zone in enumerate(zones) if zone.kind is kind]
     chosen = [zones[i] for i in columns]
     severity = [severities.get(zone.id, 1.0) for zone in chosen]
-    return ZoneTable(
-        centres=frozen(np.reshape([z.mean for z in chosen], (-1, 2))),
-        covariances=frozen(np.reshape([z.covariance for z in chosen], (-1, 2, 2))),
-        margins=frozen([z.margin for z in chosen]),
-        quantiles=frozen([z.quantile(s) for z, s in zip(chosen, severity, strict=True)]),
-        severities=frozen(severity),
-        known=frozen_bool(known[:, columns]),
+    quantiles = [zone.quantile(s) for zone, s in zip(chosen, severity, strict=True)]
+    if kind is ZoneKind.COMMUNICATION and price > 0.0:
+        quantiles = [0.0] * len(chosen)
+    return exposure.zone_table(
+        chosen,
+        known[:, columns],
+        quantiles,
+        [z.margin for z in chosen],
+        severity,
+        price,
     )

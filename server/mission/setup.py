@@ -80,6 +80,14 @@ class PlannerSetup:
     engine: str | None
     """fast, sqp or ipopt; None for the default of the machine."""
 
+    sensing_failure_s: float = 0.0
+    communication_failure_s: float = 0.0
+    """How long a failure is taken to last, which prices being exposed to it; 0 for no price:
+    then only the chance constraints keep robots out of zones (the paper)."""
+
+    attack_period_s: float = 0.5
+    """Seconds in which a density of 1/m^2 is taken to hit once."""
+
 
 @dataclass(frozen=True, slots=True)
 class LoopSetup:
