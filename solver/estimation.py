@@ -2,7 +2,7 @@
 
 All N targets are filtered at once on stacked arrays. A state is (x, y) under the random walk
 and (x, y, vx, vy) at constant velocity. Measurements touch positions only, so an update works
-on the position marginal in information form (`solver.sightings`) and carries the result to the
+on the position marginal in information form (`solver.correction`) and carries the result to the
 velocities by regression, `Pvx Pxx^-1`: equal to the textbook update, and positive definite by
 construction.
 """
@@ -29,11 +29,11 @@ from solver.beliefs import (
     velocity_rest,
     with_prior,
 )
+from solver.correction import SightingSet
 from solver.fusion import fuse
 from solver.observations import Detections
 from solver.problem import SensorModel
 from solver.sensing import noise_variances
-from solver.sightings import SightingSet
 
 __all__ = [
     "Beliefs",
