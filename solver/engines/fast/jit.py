@@ -14,13 +14,24 @@ _Function = TypeVar("_Function", bound=Callable[..., object])
 
 
 def kernel(function: _Function) -> _Function:
-    """Mark a function as a part of the compiled routine."""
+    """Mark a function that works on arrays it is given and makes none.
+
+    It is compiled without reference counts: its caller holds the arrays.
+    """
+    return cast(_Function, numba.njit(nogil=True, error_model="numpy", _nrt=False)(function))
+
+
+def maker(function: _Function) -> _Function:
+    """Mark a function that makes arrays."""
     return cast(_Function, numba.njit(nogil=True, error_model="numpy")(function))
 
 
 def inlined(function: _Function) -> _Function:
     """Mark a small function that is always expanded where it is called."""
-    return cast(_Function, numba.njit(nogil=True, error_model="numpy", forceinline=True)(function))
+    return cast(
+        _Function,
+        numba.njit(nogil=True, error_model="numpy", _nrt=False, forceinline=True)(function),
+    )
 
 
 def merged(function: _Function) -> _Function:

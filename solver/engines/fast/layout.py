@@ -19,6 +19,10 @@ from solver.arrays import FloatArray, IntArray
 MAX_STEPS = 10
 MAX_SIZE = 2 * MAX_STEPS
 CHAIN = 31
+"""Columns of the scratch of `tracking.py`."""
+
+CHOICES = 3
+"""Probe starts that are followed up per round."""
 
 Table: TypeAlias = Any
 """A structured array: its elements have the fields of one of the types below."""
@@ -67,7 +71,7 @@ ROBOT = np.dtype(
         ("near", "i8", (2,)),
         ("discs", "i8", (2,)),
         ("stale", "?"),  # not converged, or its problem has changed since
-        ("probes", "i8"),  # probe starts to be tried at the next visit
+        ("rounds", "i8"),  # of probe starts, at the next visit
         ("replan", "?"),  # which takes the plan's place without hysteresis
         ("taken", "i8"),  # Newton steps
     ],
@@ -127,6 +131,9 @@ WORK = np.dtype(
         ("u", "f8", _VECTOR),
         ("trial", "f8", _VECTOR),
         ("best", "f8", _VECTOR),
+        ("base", "f8", _VECTOR),  # the plan that probe starts depart from
+        ("choices", "i8", (CHOICES,)),  # numbers of the most promising ones
+        ("prices", "f8", (CHOICES,)),  # their costs
         ("direction", "f8", _VECTOR),
         ("gradient", "f8", _VECTOR),  # by controls
         ("path", "f8", _PER_STEP),

@@ -2,15 +2,15 @@
 
 from solver.arrays import FloatArray
 from solver.engines.fast.clock import now
-from solver.engines.fast.jit import kernel, merged
-from solver.engines.fast.layout import Team
-from solver.engines.fast.robot import cost, expand
 from solver.engines.fast.factors import (
     cholesky,
     factor_indefinite,
     solve_absolute,
     substitute,
 )
+from solver.engines.fast.jit import kernel, merged
+from solver.engines.fast.layout import Team
+from solver.engines.fast.robot import cost, expand
 
 TOLERANCE = 1e-7
 """A predicted decrease below this part of the robot's cost ends its iterations."""

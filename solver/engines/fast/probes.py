@@ -2,59 +2,75 @@
 
 A descent from the last plan alone can sit for ever where the gradient vanishes (in the
 middle of a zone when the target is there too, on top of a team mate), or behind a ridge that
-the last plan happened to start on. Two families of fresh starts are looked at: constant plans
-to the corners, sides and middle of the box, and the robot's own plan turned about a target it
-watches, all of it or from some step on. The second matters because a target is seen best from
-close by, in directions that change: going round it the other way is another local optimum,
-and often a better one.
+the last plan happened to start on. Three families of fresh starts are looked at: constant
+plans to the corners, sides and middle of the box; the chase of a target; and the robot's own
+plan turned about a target it watches, at one step or from some step on. The last one matters
+because a target is seen best from close by, in directions that change: going round it the
+other way is another local optimum, and often a better one.
 """
 
 from math import inf
 
 from solver.arrays import FloatArray
 from solver.engines.fast.jit import kernel
-from solver.engines.fast.layout import Team
+from solver.engines.fast.layout import CHOICES, Team
 from solver.engines.fast.robot import cost
 
 HYSTERESIS = 1e-4
 """Relative gain below which the plan stays as it is."""
 
-PROBES = 3
-"""Most fresh starts per robot and solve; they end with the first that fails."""
+ROUNDS = 3
+"""Rounds of fresh starts; they end with the first round that improves nothing."""
 
 _CONSTANT = 9
-_TURNS = 3
-"""By 90, 180 and 270 degrees."""
-
+_QUARTERS = 3
 _CLOSE_M = 0.8
 """Plans are turned about targets nearer than this."""
 
 
 @kernel
-def fresh_start(team: Team, i: int, rows: int, plan: FloatArray, u: FloatArray) -> None:
-    """Fill u (2H,) with the best fresh start; `plan` (2H,) is what it is to replace."""
-    best, choice, pivot, first, turn = inf, 0, -1, 0, 0
-    for direction in range(_CONSTANT):
-        _constant_plan(team, i, direction, u)
-        reached = cost(team, i, rows, u)
-        if reached < best:
-            best, choice = reached, direction
+def rank_starts(team: Team, i: int, rows: int) -> None:
+    """Fill work.choices with the numbers of the best fresh starts for robot i, -1 for none.
+
+    The plan to be replaced stands in work.base (2H,).
+    """
+    robot, work = team.robots[i], team.work[0]
+    steps = team.setting[0].steps
+    for slot in range(CHOICES):
+        work.choices[slot] = -1
+        work.prices[slot] = inf
+    count = _CONSTANT
     if not team.setting[0].double:
-        robot = team.robots[i]
-        for edge in range(robot.sees[0], robot.sees[1]):
-            j = team.edges[edge].target
-            for start in range(team.setting[0].steps):
-                for quarter in range(1, _TURNS + 1):
-                    for single in range(2):
-                        if not _turned_plan(team, i, j, plan, start, quarter, single, u):
-                            continue
-                        reached = cost(team, i, rows, u)
-                        if reached < best:
-                            best, pivot, first, turn = reached, j, start, 2 * quarter + single
-    if pivot < 0:
-        _constant_plan(team, i, choice, u)
-    else:
-        _turned_plan(team, i, pivot, plan, first, turn // 2, turn % 2, u)
+        count += (robot.sees[1] - robot.sees[0]) * (1 + 2 * _QUARTERS * steps)
+    for number in range(count):
+        if fresh_start(team, i, number, work.u):
+            price = cost(team, i, rows, work.u)
+            slot = CHOICES - 1
+            while slot >= 0 and price < work.prices[slot]:
+                if slot + 1 < CHOICES:
+                    work.prices[slot + 1] = work.prices[slot]
+                    work.choices[slot + 1] = work.choices[slot]
+                work.prices[slot] = price
+                work.choices[slot] = number
+                slot -= 1
+
+
+@kernel
+def fresh_start(team: Team, i: int, number: int, u: FloatArray) -> bool:
+    """Fill u (2H,) with a start by its number; return False where it makes no sense."""
+    if number < _CONSTANT:
+        _constant_plan(team, i, number, u)
+        return True
+    steps = team.setting[0].steps
+    per_target = 1 + 2 * _QUARTERS * steps
+    slot, kind = (number - _CONSTANT) // per_target, (number - _CONSTANT) % per_target
+    j = team.edges[team.robots[i].sees[0] + slot].target
+    if kind == 0:
+        return _turned_plan(team, i, j, -1, 0, 0, u)
+    step, turn = (kind - 1) // (2 * _QUARTERS), (kind - 1) % (2 * _QUARTERS)
+    if turn % 2 == 1 and step == steps - 1:
+        return False
+    return _turned_plan(team, i, j, step, 1 + turn // 2, turn % 2, u)
 
 
 @kernel
@@ -72,28 +88,29 @@ def _constant_plan(team: Team, i: int, direction: int, u: FloatArray) -> None:
 
 @kernel
 def _turned_plan(
-    team: Team,
-    i: int,
-    j: int,
-    plan: FloatArray,
-    first: int,
-    quarters: int,
-    single: int,
-    u: FloatArray,
+    team: Team, i: int, j: int, first: int, quarters: int, single: int, u: FloatArray
 ) -> bool:
-    """Fill u (2H,) with a plan turned about target j from step `first` on, or at it alone.
+    """Fill u (2H,) with work.base turned about target j from step `first` on, or then alone.
 
-    Returns False where the plan is not close to the target then. Single integrator only.
+    A negative `first` asks for the chase of the target instead. Returns False where the plan
+    is not close to the target then. Single integrator only.
     """
-    setting, robot, target = team.setting[0], team.robots[i], team.targets[j]
+    setting, robot, target, base = (
+        team.setting[0],
+        team.robots[i],
+        team.targets[j],
+        team.work[0].base,
+    )
     h = setting.step
     x, y = robot.position[0], robot.position[1]
     at_x, at_y = x, y
     for k in range(setting.steps):
-        at_x += h * plan[2 * k]
-        at_y += h * plan[2 * k + 1]
+        at_x += h * base[2 * k]
+        at_y += h * base[2 * k + 1]
         to_x, to_y = at_x, at_y
-        if k == first or (k > first and single == 0):
+        if first < 0:
+            to_x, to_y = target.means[k, 0], target.means[k, 1]
+        elif k == first or (k > first and single == 0):
             dx, dy = at_x - target.means[k, 0], at_y - target.means[k, 1]
             if k == first and dx * dx + dy * dy > _CLOSE_M * _CLOSE_M:
                 return False

@@ -5,11 +5,12 @@ are feasible and no worse than the start whenever the sweeps are stopped. A robo
 problem nobody has changed since it converged is not visited again.
 """
 
+from solver.arrays import FloatArray
 from solver.engines.fast.clock import now
-from solver.engines.fast.jit import merged
-from solver.engines.fast.layout import Team
+from solver.engines.fast.jit import kernel, merged
+from solver.engines.fast.layout import CHOICES, Team
 from solver.engines.fast.newton import TOLERANCE, descend
-from solver.engines.fast.probes import HYSTERESIS, fresh_start
+from solver.engines.fast.probes import HYSTERESIS, fresh_start, rank_starts
 from solver.engines.fast.robot import gather, settle
 
 SWEEPS = 6
@@ -43,34 +44,48 @@ def improve(team: Team, objective: float, iterations: int, deadline: float) -> b
 
 @merged
 def visit(team: Team, i: int, most: int, deadline: float) -> float:
-    """Improve robot i's plan; return by how much that lowers the team's objective."""
+    """Improve robot i's plan; return by how much that lowers the team's objective.
+
+    The first attempt goes on from the plan, the others are probe starts in rounds.
+    """
     robot, work = team.robots[i], team.work[0]
-    size = 2 * team.setting[0].steps
     rows = gather(team, i)
     best = first = 0.0
-    for attempt in range(1 + robot.probes):
-        if attempt == 0:
-            for at in range(size):
-                work.u[at] = robot.plan[at]
-        else:
-            fresh_start(team, i, rows, work.best, work.u)
+    improved = True
+    _copy(team, robot.plan, work.u)
+    for attempt in range(1 + CHOICES * robot.rounds):
+        if attempt > 0:
+            choice = (attempt - 1) % CHOICES
+            if choice == 0:
+                if not improved:
+                    break
+                improved = False
+                _copy(team, work.best, work.base)
+                rank_starts(team, i, rows)
+            if work.choices[choice] < 0:
+                continue
+            fresh_start(team, i, work.choices[choice], work.u)
         before, value, steps, converged = descend(team, i, rows, work.u, most, deadline)
         robot.taken += steps
         if attempt == 0:
             first = before
             robot.stale = not converged
-        margin = HYSTERESIS if attempt > 0 and not robot.replan else 0.0
-        if attempt > 0 and not value < best - margin * abs(best):
-            break
-        best = value
-        for at in range(size):
-            work.best[at] = work.u[at]
-    robot.probes = 0
+        elif not value < best - (0.0 if robot.replan else HYSTERESIS) * abs(best):
+            continue
+        best, improved = value, True
+        _copy(team, work.u, work.best)
+    robot.rounds = 0
     if best < first:
         settle(team, i, work.best)
         if first - best > TOLERANCE * first:
             _spoil(team, i)
     return first - best
+
+
+@kernel
+def _copy(team: Team, source: FloatArray, target: FloatArray) -> None:
+    for at in range(2 * team.setting[0].steps):
+        target[at] = source[at]
 
 
 @merged

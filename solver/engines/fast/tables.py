@@ -3,7 +3,7 @@
 import numpy as np
 
 from solver.engines.fast.box import fill_box, fill_reach
-from solver.engines.fast.jit import kernel, merged
+from solver.engines.fast.jit import maker, merged
 from solver.engines.fast.layout import (
     MAX_STEPS,
     ROBOT,
@@ -25,7 +25,7 @@ from solver.engines.fast.lists import (
     sight_edges,
     watch_list,
 )
-from solver.engines.fast.probes import PROBES
+from solver.engines.fast.probes import ROUNDS
 from solver.engines.fast.request import Hazards, Movement, Safety, Start, Targets
 from solver.engines.fast.symmetric import clamped
 
@@ -69,7 +69,7 @@ def robot_table(setting: Table, movement: Movement, start: Start) -> Table:
         robot.speed = movement.speed[i]
         robot.stale = True
         robot.replan = cold or start.replan[i]
-        robot.probes = PROBES
+        robot.rounds = ROUNDS
     return robots
 
 
@@ -96,7 +96,7 @@ def target_table(setting: Table, targets: Targets) -> Table:
     return table
 
 
-@kernel
+@maker
 def zone_table(hazards: Hazards) -> Table:
     """Return the (K,) ZONE."""
     table = np.empty(hazards.margins.shape[0], ZONE)
