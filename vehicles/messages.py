@@ -330,7 +330,7 @@ class Knowledge(Message):
         tuple[tuple[Name, Annotated[float, Field(ge=0.1, le=10.0)]], ...], Field(max_length=256)
     ]
     mates: Annotated[tuple[MatePart, ...], Field(max_length=2048)]
-    prices: tuple[Amount, Amount] = (0.0, 0.0)
+    prices: tuple[Amount, Amount]
 
 
 class Command(Message):

@@ -17,6 +17,9 @@ from server.scenarios.schema import Scenario
 PROCESS_NOISE_M2_PER_STEP = 0.05
 PRIOR_VARIANCE_M2 = 0.2
 SEPARATION_WEIGHT = 1000.0
+PROGRAM_STAGES = 2
+"""N of their program, whatever a file says: now and one step ahead."""
+
 ALTITUDE_LAYER_M = 0.5
 """Between robots for which the file has no height."""
 
@@ -80,12 +83,7 @@ def _document(file: ExperimentFile, name: str) -> dict[str, Any]:
             "sensing": sensing,
             "communication": communication,
         },
-        "planner": {
-            "horizon": problem.stages - 1,
-            "plan_step_s": problem.dt,
-            "min_dist_m": problem.min_dist,
-            "separation_weight": SEPARATION_WEIGHT,
-        },
+        "planner": _planner(problem),
         "sensor": {
             "range_peak": range_peak,
             "range_shape": range_shape,
@@ -96,6 +94,17 @@ def _document(file: ExperimentFile, name: str) -> dict[str, Any]:
         "attacks": {"period_s": zones.attack_dt, "recover_density": zones.attack_recover_eps},
         "loops": {"task_period_s": file.llm_outer_dur, "action_period_s": file.llm_inner_dur},
     }
+
+
+def _planner(problem: ProblemSection) -> dict[str, Any]:
+    """Return our own look-ahead unless the file asks for one: their program can only do `N: 2`."""
+    planner: dict[str, Any] = {
+        "min_dist_m": problem.min_dist,
+        "separation_weight": SEPARATION_WEIGHT,
+    }
+    if problem.stages != PROGRAM_STAGES:
+        planner |= {"horizon": problem.stages - 1, "plan_step_s": problem.dt}
+    return planner
 
 
 def _filter(dt_s: float) -> dict[str, Any]:

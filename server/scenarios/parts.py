@@ -231,11 +231,19 @@ class PlannerPart(Part):
     """How the optimizer looks ahead."""
 
     horizon: Annotated[int, Field(strict=True, ge=1, le=50)] = Field(
-        default=1, description="Steps (1 is the paper's)."
+        default=3, description="Steps (1 is the paper's)."
     )
     plan_step_s: Seconds = Field(default=0.5, description="Length of one such step.")
     min_dist_m: NotNegative = Field(default=0.5, description="Least distance between robots.")
     separation_weight: NotNegative = 1000.0
+    sensing_failure_s: Annotated[float, Field(ge=0.0, le=60.0)] = Field(
+        default=1.2,
+        description="How long a sensing failure is taken to last, which prices being exposed to "
+        "one; 0: only the chance constraints count (the paper).",
+    )
+    communication_failure_s: Annotated[float, Field(ge=0.0, le=60.0)] = Field(
+        default=1.4, description="The same for communication."
+    )
     engine: Literal["fast", "sqp", "ipopt"] | None = Field(
         default=None, description="Left out: the best one of this machine."
     )

@@ -181,6 +181,9 @@ class Scenario(Part):
             min_dist_m=own.min_dist_m,
             separation_weight=own.separation_weight,
             engine=engine or own.engine,
+            sensing_failure_s=own.sensing_failure_s,
+            communication_failure_s=own.communication_failure_s,
+            attack_period_s=self.attacks.period_s,
         )
 
 

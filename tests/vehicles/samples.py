@@ -95,6 +95,7 @@ SAMPLES: dict[type[wire.Message], dict[str, Any]] = {
         "zones": [ZONE],
         "severities": [["s1", 2.0]],
         "mates": [{"robot_id": 26, "position": [3.0, 4.0]}],
+        "prices": [2.0, 3.0],
     },
     wire.Command: {**ROBOT, "command": "hold", "command_id": "c1", "author": "operator"},
     wire.Heartbeat: {**HEADER, "mission": "m1", "tick": 12, "time_s": 1.2, "state": "running"},

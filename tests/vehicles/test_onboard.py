@@ -9,6 +9,7 @@ from scipy.stats import norm
 
 from solver import engines
 from solver.estimation import FilterSettings, MotionModel
+from solver.exposure import RIMS, Prices, zone_table
 from solver.observations import Detections, OnboardTrack, Sighting
 from solver.planner import Planner
 from solver.problem import Budget
@@ -78,6 +79,23 @@ def test_zones_are_feared_as_one_robot_fears_them() -> None:
     assert problem.communication.quantiles == pytest.approx([norm.isf(0.3) * np.sqrt(2.0)])
     assert problem.communication.severities.tolist() == [2.0]
     assert problem.sensing.known.tolist() == [[True]]
+
+
+def test_alone_it_pays_for_exposure_as_the_team_does() -> None:
+    planner = Recorder()
+    pilot = OnboardPilot(21, planner)
+    pilot.learn(replace(knowledge(), prices=Prices(sensing=2.0, communication=3.0)))
+    pilot.lost_link(10.0)
+    pilot.plan(10.0, HERE, STILL, BUDGET)
+    (problem,) = planner.problems
+    one = np.ones((1, 1), dtype=bool)
+    sensing = zone_table([SENSING], one, [SENSING.quantile()], [0.1], [1.0], 2.0)
+    alone = JAMMING.quantile_single(2.0)
+    communication = zone_table([JAMMING], one, [alone], [0.0], [2.0], 3.0)
+    for found, expected in ((problem.sensing, sensing), (problem.communication, communication)):
+        assert len(found.margins) == 1 + len(RIMS)
+        for name in ("centres", "covariances", "margins", "quantiles", "severities", "known"):
+            assert np.array_equal(getattr(found, name), getattr(expected, name))
 
 
 def test_the_longer_it_is_cut_off_the_farther_it_backs_off() -> None:

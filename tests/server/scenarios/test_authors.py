@@ -7,6 +7,7 @@ import pytest
 from server.mission.setup import Compat, GateMode
 from server.scenarios.authors import convert, is_authors
 from server.scenarios.errors import ScenarioError
+from server.scenarios.parts import PlannerPart
 from server.scenarios.schema import Scenario
 from solver.directives import Pairing, Weights
 from solver.estimation import MotionModel
@@ -39,8 +40,8 @@ def test_time_is_in_seconds(scenario: Scenario) -> None:
     setup = scenario.mission_setup()
     assert (setup.tick_s, setup.steps, setup.duration_s) == (0.25, 300, 75.0)
     assert (setup.loops.action_period_s, setup.loops.task_period_s) == (2.0, 8.0)
-    assert (setup.planner.horizon, setup.planner.plan_step_s) == (1, 0.25)
     assert setup.planner.min_dist_m == 0.45
+    assert setup.planner.attack_period_s == scenario.attacks.period_s == 0.5
 
 
 def test_ids_are_kept(scenario: Scenario) -> None:
@@ -128,7 +129,15 @@ def test_robots_may_start_closer_than_the_least_distance() -> None:
 
 def test_more_stages_are_more_steps_ahead() -> None:
     data = changed(experiment(), ("Problem", "N"), 6)
-    assert convert(data, "f", "f").planner.horizon == 5
+    planner = convert(data, "f", "f").planner
+    assert (planner.horizon, planner.plan_step_s) == (5, 0.25)
+
+
+def test_their_only_number_of_stages_leaves_the_look_ahead_to_our_defaults() -> None:
+    ours, planner = PlannerPart(), convert(experiment(), "f", "f").planner
+    assert (planner.horizon, planner.plan_step_s) == (ours.horizon, ours.plan_step_s)
+    assert planner.sensing_failure_s == ours.sensing_failure_s > 0.0
+    assert planner.communication_failure_s == ours.communication_failure_s > 0.0
 
 
 REFUSED: list[tuple[Path, object, str]] = [

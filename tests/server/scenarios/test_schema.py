@@ -127,6 +127,14 @@ def test_an_engine_asked_for_comes_before_the_scenarios_own() -> None:
     assert scenario.mission_setup(engine="sqp").planner.engine == "sqp"
 
 
+def test_what_a_failure_is_taken_to_cost_reaches_the_planner() -> None:
+    asked = {"sensing_failure_s": 0.0, "communication_failure_s": 2.5}
+    data = changed(document(), ("planner",), asked) | {"attacks": {"period_s": 0.8}}
+    planner = inline(data).mission_setup().planner
+    assert (planner.sensing_failure_s, planner.communication_failure_s) == (0.0, 2.5)
+    assert planner.attack_period_s == 0.8
+
+
 def test_a_variation_is_checked_like_the_original() -> None:
     varied = inline(document()).varied(seed=9, steps=12)
     assert (varied.seed, varied.steps) == (9, 12)
