@@ -12,6 +12,7 @@ from pydantic import ValidationError
 
 from server.scenarios.authors_format import ExperimentFile, ProblemSection, ZonesSection, misfits
 from server.scenarios.errors import ScenarioError, problems_of
+from server.scenarios.parts import PlannerPart
 from server.scenarios.schema import Scenario
 
 PROCESS_NOISE_M2_PER_STEP = 0.05
@@ -103,8 +104,8 @@ def _planner(problem: ProblemSection) -> dict[str, Any]:
         "separation_weight": SEPARATION_WEIGHT,
     }
     if problem.stages != PROGRAM_STAGES:
-        planner |= {"horizon": problem.stages - 1, "plan_step_s": problem.dt}
-    return planner
+        return planner | {"horizon": problem.stages - 1, "plan_step_s": problem.dt}
+    return planner | {"plan_step_s": max(PlannerPart().plan_step_s, problem.dt)}
 
 
 def _filter(dt_s: float) -> dict[str, Any]:

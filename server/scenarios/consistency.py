@@ -17,7 +17,17 @@ if TYPE_CHECKING:
 
 def problems(scenario: "Scenario") -> tuple[Problem, ...]:
     """Return everything that does not fit together, in the order of the file."""
-    rules = (_ids, _field, _robots, _separation, _targets, _weights, _pairs, _capacities)
+    rules = (
+        _ids,
+        _field,
+        _robots,
+        _separation,
+        _look_ahead,
+        _targets,
+        _weights,
+        _pairs,
+        _capacities,
+    )
     return tuple(problem for rule in rules for problem in rule(scenario))
 
 
@@ -74,6 +84,16 @@ def _separation(scenario: "Scenario") -> Iterator[Problem]:
                 f"robots[{j}].position",
                 f"is {apart:.2f} m from robots[{i}]; planner.min_dist_m is {least:g} m",
             )
+
+
+def _look_ahead(scenario: "Scenario") -> Iterator[Problem]:
+    step_s, tick_s = scenario.planner.plan_step_s, scenario.tick_s
+    if step_s < tick_s:
+        yield Problem(
+            "planner.plan_step_s",
+            f"must be at least tick_s, {tick_s:g} s: until the next plan robots are only kept "
+            f"apart for one such step, got {step_s:g}",
+        )
 
 
 def _targets(scenario: "Scenario") -> Iterator[Problem]:

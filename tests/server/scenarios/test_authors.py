@@ -133,6 +133,12 @@ def test_more_stages_are_more_steps_ahead() -> None:
     assert (planner.horizon, planner.plan_step_s) == (5, 0.25)
 
 
+def test_no_look_ahead_is_shorter_than_a_time_step() -> None:
+    assert (
+        convert(changed(experiment(), ("Problem", "dt"), 0.8), "f", "f").planner.plan_step_s == 0.8
+    )
+
+
 def test_their_only_number_of_stages_leaves_the_look_ahead_to_our_defaults() -> None:
     ours, planner = PlannerPart(), convert(experiment(), "f", "f").planner
     assert (planner.horizon, planner.plan_step_s) == (ours.horizon, ours.plan_step_s)

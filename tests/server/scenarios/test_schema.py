@@ -203,6 +203,7 @@ RULES: list[tuple[Path, object, str]] = [
     (("field", "upper"), [-6.0, 4.0], "field.upper[0]: must be above the lower bound -5"),
     (("robots", 0, "position"), [-2.0, 4.5], "position[1]: lies outside the field (allowed: -4 to"),
     (("robots", 0, "position"), [-2.0, -0.8], "is 0.20 m from robots[0]; planner.min_dist_m"),
+    (("planner",), {"plan_step_s": 0.05}, "planner.plan_step_s: must be at least tick_s, 0.1 s"),
     (("robots", 0, "control_lower"), [0.1, -1.0], "control_lower[0]: the control box must contain"),
     (("robots", 0, "control_lower"), [0.5, -1.0], "control_upper[0]: must be above"),
     (("weight_bounds",), {"tracking": [20.0, 30.0]}, "weight_bounds.tracking: must contain the"),
