@@ -23,7 +23,7 @@ RIMS = ((2.2, 0.0274716), (2.7, 0.0886988), (3.3, 0.0571330))
 (least squares up to 4). Further in the sum goes on rising where the density levels off: what
 draws a robot out of a zone must not vanish in its middle."""
 
-_NOMINAL_M = 1.5
+_NOMINAL_M = 1.0
 """Distance between robot and target at which a lost sighting is priced."""
 
 _TO_REST = 400

@@ -237,7 +237,7 @@ class PlannerPart(Part):
     min_dist_m: NotNegative = Field(default=0.5, description="Least distance between robots.")
     separation_weight: NotNegative = 1000.0
     sensing_failure_s: Annotated[float, Field(ge=0.0, le=60.0)] = Field(
-        default=1.2,
+        default=1.25,
         description="How long a sensing failure is taken to last, which prices being exposed to "
         "one; 0: only the chance constraints count (the paper).",
     )

@@ -96,8 +96,8 @@ def test_at_constant_velocity_the_loss_is_that_of_the_filter_written_out() -> No
     settings = FilterSettings(model=MotionModel.CONSTANT_VELOCITY, process_noise=0.2)
     F = np.array([[1.0, 0.1], [0.0, 1.0]])
     Q = 0.2 * np.array([[1e-3 / 3.0, 5e-3], [5e-3, 0.1]])
-    peak = 15.0 * np.exp(-0.3)
-    H, R = np.array([[1.0, 0.0]]), np.array([[2.0 / (peak + peak / 2.25)]])
+    # Range and bearing tell the same from one metre.
+    H, R = np.array([[1.0, 0.0]]), np.array([[1.0 / (15.0 * np.exp(-0.2))]])
     P = 10.0 * np.eye(2)
     for _ in range(3000):
         P = F @ P @ F.T + Q
