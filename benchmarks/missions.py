@@ -78,8 +78,12 @@ class Mission:
         gap = np.linalg.norm(self.robots[:, None] - table.centres[None], axis=-1)
         known = frozen_bool(table.known | (gap < _KNOWN_WITHIN_M))
         return ZoneTable(
-            table.centres, table.covariances, table.margins, table.quantiles,
-            table.severities, known,
+            table.centres,
+            table.covariances,
+            table.margins,
+            table.quantiles,
+            table.severities,
+            known,
         )
 
     def _assigned(self) -> BoolArray:
@@ -141,7 +145,9 @@ class Mission:
         self.previous = np.concatenate((solution.controls[:, 1:], solution.controls[:, -1:]), 1)
 
 
-def ticks(layout: Layout, count: int, solve: Callable[[Problem], Solution]) -> Iterator[tuple[Problem, Solution]]:
+def ticks(
+    layout: Layout, count: int, solve: Callable[[Problem], Solution]
+) -> Iterator[tuple[Problem, Solution]]:
     """Fly a mission with one engine; yield each tick's problem and plan."""
     mission = Mission(layout)
     for _ in range(count):

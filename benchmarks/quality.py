@@ -30,6 +30,7 @@ from server.mission.setup import Compat, MissionSetup
 from server.mission.tape import NoTape, TapedCore
 from server.scenarios import library
 from solver import engines
+from solver.directives import Weights
 from solver.observations import Link
 from solver.planner import Planner
 from solver.snapshot import Snapshot
@@ -61,6 +62,9 @@ class Job:
     seed: int
     changes: tuple[tuple[str, float], ...] = ()
     """Fields of the planner's setup that are to differ from the scenario's."""
+
+    weights: Weights | None = None
+    """Instead of the scenario's."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,7 +113,7 @@ class Separations:
 def fly(job: Job) -> Run:
     """Do one run in lockstep, with no model and nothing recorded."""
     scenario = library.load(job.scenario).varied(seed=job.seed)
-    setup = _changed(scenario.mission_setup(), dict(job.changes))
+    setup = _changed(scenario.mission_setup(), job)
     world = World(scenario.world_setup(), Streams(setup.seed))
     planner = Planner(engines.create(setup.planner.engine or engines.default_engine()))
     mission = Lockstep(setup, world, TapedCore(MissionCore(setup), NoTape()), planner, None)
@@ -129,10 +133,10 @@ def fly(job: Job) -> Run:
     )
 
 
-def _changed(setup: MissionSetup, changes: dict[str, float]) -> MissionSetup:
-    if "horizon" in changes:
-        changes = {**changes, "horizon": int(changes["horizon"])}
-    return replace(setup, planner=replace(setup.planner, **changes))  # type: ignore[arg-type]
+def _changed(setup: MissionSetup, job: Job) -> MissionSetup:
+    changes = {name: int(v) if name == "horizon" else v for name, v in job.changes}
+    planner = replace(setup.planner, **changes)  # type: ignore[arg-type]
+    return replace(setup, planner=planner, weights=job.weights or setup.weights)
 
 
 def flown(jobs: list[Job], processes: int) -> Iterator[Run]:
@@ -235,6 +239,10 @@ def write(out: Path, runs: list[Run], rows: list[dict[str, object]]) -> None:
     out.with_suffix(".json").write_text(json.dumps(rows, indent=2) + "\n", encoding="utf-8")
 
 
+def _weights(text: str) -> Weights:
+    return Weights(*map(float, text.split(",")))
+
+
 def _change(text: str) -> tuple[str, float]:
     name, _, value = text.partition("=")
     return name, float(value)
@@ -250,11 +258,15 @@ def main() -> None:
     parser.add_argument(
         "--set", type=_change, action="append", default=[], help="planner field: horizon=1"
     )
+    parser.add_argument(
+        "--weights", type=_weights, help="tracking,control,sensing,communication for all scenarios"
+    )
     asked = parser.parse_args()
     jobs = [
-        Job(s, seed, tuple(asked.set)) for s, seed in product(asked.scenarios, range(asked.seeds))
+        Job(scenario, seed, tuple(asked.set), asked.weights)
+        for scenario, seed in product(asked.scenarios, range(asked.seeds))
     ]
-    runs = []
+    runs: list[Run] = []
     with progress_bar("missions", len(jobs)) as progress:
         for run in flown(jobs, asked.jobs):
             runs.append(run)

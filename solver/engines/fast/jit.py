@@ -6,9 +6,12 @@ numpy (no exceptions), the interpreter's lock is released.
 """
 
 from collections.abc import Callable
-from typing import TypeVar, cast
+from typing import Any, TypeVar, cast
 
 import numba
+
+_OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
+_BORROWING: dict[str, Any] = {**_OPTIONS, "_nrt": False}
 
 _Function = TypeVar("_Function", bound=Callable[..., object])
 
@@ -18,19 +21,19 @@ def kernel(function: _Function) -> _Function:
 
     It is compiled without reference counts: its caller holds the arrays.
     """
-    return cast(_Function, numba.njit(nogil=True, error_model="numpy", _nrt=False)(function))
+    return cast(_Function, numba.njit(**_BORROWING)(function))
 
 
 def maker(function: _Function) -> _Function:
     """Mark a function that makes arrays."""
-    return cast(_Function, numba.njit(nogil=True, error_model="numpy")(function))
+    return cast(_Function, numba.njit(**_OPTIONS)(function))
 
 
 def inlined(function: _Function) -> _Function:
     """Mark a small function that is always expanded where it is called."""
     return cast(
         _Function,
-        numba.njit(nogil=True, error_model="numpy", _nrt=False, forceinline=True)(function),
+        numba.njit(**_BORROWING, forceinline=True)(function),
     )
 
 
@@ -40,4 +43,4 @@ def merged(function: _Function) -> _Function:
     Every function compiled on its own is optimised again with each of its callers, so layers
     cost compiling time.
     """
-    return cast(_Function, numba.njit(nogil=True, error_model="numpy", inline="always")(function))
+    return cast(_Function, numba.njit(**_OPTIONS, inline="always")(function))

@@ -71,7 +71,7 @@ ROBOT = np.dtype(
         ("near", "i8", (2,)),
         ("discs", "i8", (2,)),
         ("stale", "?"),  # not converged, or its problem has changed since
-        ("rounds", "i8"),  # of probe starts, at the next visit
+        ("thorough", "?"),  # looks at every kind of probe start
         ("replan", "?"),  # which takes the plan's place without hysteresis
         ("taken", "i8"),  # Newton steps
     ],

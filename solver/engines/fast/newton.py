@@ -15,6 +15,9 @@ from solver.engines.fast.robot import cost, expand
 TOLERANCE = 1e-7
 """A predicted decrease below this part of the robot's cost ends its iterations."""
 
+_OPTIMISM = 4.0
+"""How many times the decrease predicted by one Newton step may still be ahead."""
+
 _ARMIJO = 1e-4
 _HALVINGS = 14
 
@@ -83,17 +86,20 @@ def _search(team: Team, i: int, rows: int, u: FloatArray, start: float) -> float
 
 @merged
 def descend(
-    team: Team, i: int, rows: int, u: FloatArray, most: int, deadline: float
+    team: Team, i: int, rows: int, u: FloatArray, most: int, goal: float, deadline: float
 ) -> tuple[float, float, int, bool]:
-    """Improve u (2H,) by at most `most` Newton steps.
+    """Improve u (2H,) by at most `most` Newton steps, while the cost may still end below `goal`.
 
     Returns the cost before and after, the steps taken, and whether it has converged.
     """
     value = before = expand(team, i, rows, u)
     for step in range(most):
         count = _find_free(team, i, u)
-        if count == 0 or not _aim(team, count) > TOLERANCE * value:
+        predicted = _aim(team, count) if count > 0 else 0.0
+        if not predicted > TOLERANCE * value:
             return before, value, step, True
+        if value - _OPTIMISM * predicted > goal:
+            return before, value, step, False
         reached = _search(team, i, rows, u, value)
         if not reached < value:
             return before, value, step, True

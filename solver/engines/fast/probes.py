@@ -9,8 +9,6 @@ because a target is seen best from close by, in directions that change: going ro
 other way is another local optimum, and often a better one.
 """
 
-from math import inf
-
 from solver.arrays import FloatArray
 from solver.engines.fast.jit import kernel
 from solver.engines.fast.layout import CHOICES, Team
@@ -22,27 +20,38 @@ HYSTERESIS = 1e-4
 ROUNDS = 3
 """Rounds of fresh starts; they end with the first round that improves nothing."""
 
+THOROUGH_TEAM = 16
+"""Teams up to this size, and all at one step, look at every fresh start, larger ones at those
+that most often win: time is for many robots' first plans before one robot's second."""
+
 _CONSTANT = 9
 _QUARTERS = 3
 _CLOSE_M = 0.8
 """Plans are turned about targets nearer than this."""
 
+_THOROUGH_SLACK = 1.0
+_USUAL_SLACK = 0.01
+"""Fresh starts dearer than the plan by more than this part of it are not followed up."""
+
 
 @kernel
-def rank_starts(team: Team, i: int, rows: int) -> None:
+def rank_starts(team: Team, i: int, rows: int, value: float) -> None:
     """Fill work.choices with the numbers of the best fresh starts for robot i, -1 for none.
 
-    The plan to be replaced stands in work.base (2H,).
+    The plan to be replaced stands in work.base (2H,) and costs `value`.
     """
     robot, work = team.robots[i], team.work[0]
     steps = team.setting[0].steps
+    slack = _THOROUGH_SLACK if robot.thorough else _USUAL_SLACK
     for slot in range(CHOICES):
         work.choices[slot] = -1
-        work.prices[slot] = inf
+        work.prices[slot] = value + slack * abs(value)
     count = _CONSTANT
     if not team.setting[0].double:
         count += (robot.sees[1] - robot.sees[0]) * (1 + 2 * _QUARTERS * steps)
     for number in range(count):
+        if not (robot.thorough or _often_wins(team, i, number)):
+            continue
         if fresh_start(team, i, number, work.u):
             price = cost(team, i, rows, work.u)
             slot = CHOICES - 1
@@ -53,6 +62,19 @@ def rank_starts(team: Team, i: int, rows: int) -> None:
                 work.prices[slot] = price
                 work.choices[slot] = number
                 slot -= 1
+
+
+@kernel
+def _often_wins(team: Team, i: int, number: int) -> bool:
+    """Return whether a start is worth a look in a large team.
+
+    That is the plan turned by half a circle, the chase, and near hazards the constant plans.
+    """
+    robot = team.robots[i]
+    if number < _CONSTANT:
+        return bool(robot.keeps[0] < robot.keeps[1] or robot.jams[0] < robot.jams[1])
+    kind = (number - _CONSTANT) % (1 + 2 * _QUARTERS * team.setting[0].steps)
+    return bool(kind == 0 or (kind - 1) % (2 * _QUARTERS) // 2 == 1)
 
 
 @kernel

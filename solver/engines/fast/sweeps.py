@@ -5,12 +5,20 @@ are feasible and no worse than the start whenever the sweeps are stopped. A robo
 problem nobody has changed since it converged is not visited again.
 """
 
+from math import inf
+
 from solver.arrays import FloatArray
 from solver.engines.fast.clock import now
 from solver.engines.fast.jit import kernel, merged
 from solver.engines.fast.layout import CHOICES, Team
 from solver.engines.fast.newton import TOLERANCE, descend
-from solver.engines.fast.probes import HYSTERESIS, fresh_start, rank_starts
+from solver.engines.fast.probes import (
+    HYSTERESIS,
+    ROUNDS,
+    THOROUGH_TEAM,
+    fresh_start,
+    rank_starts,
+)
 from solver.engines.fast.robot import gather, settle
 
 SWEEPS = 6
@@ -25,47 +33,68 @@ _LATER_STEPS = 3
 @merged
 def improve(team: Team, objective: float, iterations: int, deadline: float) -> bool:
     """Sweep until converged (True), out of steps, or late."""
+    count = team.robots.shape[0]
+    # Large teams probe when everybody has a plan; small ones save the second visit.
+    probing = 0 if count <= THOROUGH_TEAM else 1
+    shift = _shift(team)
     for sweep in range(SWEEPS):
         decrease = 0.0
         most = _FIRST_STEPS if sweep == 0 else _LATER_STEPS
         stale = False
-        for i in range(team.robots.shape[0]):
+        for turn in range(count):
+            i = (turn + shift) % count
             robot = team.robots[i]
-            if robot.stale:
+            if robot.stale or sweep == probing:
                 if robot.taken >= iterations or now(team.work[0].timespec) > deadline:
                     return False
-                decrease += visit(team, i, min(most, iterations - robot.taken), deadline)
+                rounds = ROUNDS if sweep == probing else 0
+                decrease += visit(team, i, min(most, iterations - robot.taken), rounds, deadline)
             stale = stale or robot.stale
         objective -= decrease
-        if decrease <= RELATIVE_DECREASE * objective:
+        if sweep >= probing and decrease <= RELATIVE_DECREASE * objective:
             return True
     return not stale
 
 
+@kernel
+def _shift(team: Team) -> int:
+    """Return whose turn is first: another robot's from tick to tick.
+
+    So nobody is always the last one when time runs out. It hangs on where the robots are,
+    for an engine remembers nothing and the same problem must give the same plan.
+    """
+    place = 0.0
+    for i in range(team.robots.shape[0]):
+        place += abs(team.robots[i].position[0]) + abs(team.robots[i].position[1])
+    shift: int = int(min(place, 1e6) * 1e6) % max(team.robots.shape[0], 1)
+    return shift
+
+
 @merged
-def visit(team: Team, i: int, most: int, deadline: float) -> float:
+def visit(team: Team, i: int, most: int, rounds: int, deadline: float) -> float:
     """Improve robot i's plan; return by how much that lowers the team's objective.
 
-    The first attempt goes on from the plan, the others are probe starts in rounds.
+    The first attempt goes on from the plan, the others are `rounds` rounds of probe starts.
     """
     robot, work = team.robots[i], team.work[0]
     rows = gather(team, i)
-    best = first = 0.0
+    first, best = 0.0, inf
     improved = True
     _copy(team, robot.plan, work.u)
-    for attempt in range(1 + CHOICES * robot.rounds):
+    breadth = CHOICES if robot.thorough else 1
+    for attempt in range(1 + breadth * rounds):
         if attempt > 0:
-            choice = (attempt - 1) % CHOICES
+            choice = (attempt - 1) % breadth
             if choice == 0:
                 if not improved:
                     break
                 improved = False
                 _copy(team, work.best, work.base)
-                rank_starts(team, i, rows)
+                rank_starts(team, i, rows, best)
             if work.choices[choice] < 0:
                 continue
             fresh_start(team, i, work.choices[choice], work.u)
-        before, value, steps, converged = descend(team, i, rows, work.u, most, deadline)
+        before, value, steps, converged = descend(team, i, rows, work.u, most, best, deadline)
         robot.taken += steps
         if attempt == 0:
             first = before
@@ -74,7 +103,6 @@ def visit(team: Team, i: int, most: int, deadline: float) -> float:
             continue
         best, improved = value, True
         _copy(team, work.u, work.best)
-    robot.rounds = 0
     if best < first:
         settle(team, i, work.best)
         if first - best > TOLERANCE * first:

@@ -25,7 +25,7 @@ from solver.engines.fast.lists import (
     sight_edges,
     watch_list,
 )
-from solver.engines.fast.probes import ROUNDS
+from solver.engines.fast.probes import THOROUGH_TEAM
 from solver.engines.fast.request import Hazards, Movement, Safety, Start, Targets
 from solver.engines.fast.symmetric import clamped
 
@@ -69,7 +69,7 @@ def robot_table(setting: Table, movement: Movement, start: Start) -> Table:
         robot.speed = movement.speed[i]
         robot.stale = True
         robot.replan = cold or start.replan[i]
-        robot.rounds = ROUNDS
+        robot.thorough = robot.replan or setting.steps == 1 or robots.shape[0] <= THOROUGH_TEAM
     return robots
 
 
