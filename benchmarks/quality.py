@@ -80,9 +80,9 @@ class Run:
     communication_attacks: int
     trajectory_length_m: float
     position_error_m: float
-    closest_m: float
+    closest_m: float | None
     """How near two connected robots came that had been at least `min_dist` apart since both
-    were connected; infinite when they always were."""
+    were connected; None when they always stayed so."""
 
     tick_ms: float
 
@@ -128,7 +128,7 @@ def fly(job: Job) -> Run:
         communication_attacks=result["communication_attacks"],
         trajectory_length_m=result["trajectory_length_m"],
         position_error_m=result["position_error_m"],
-        closest_m=separations.closest_m,
+        closest_m=None if np.isinf(separations.closest_m) else separations.closest_m,
         tick_ms=result["optimizer"]["median_ms"],
     )
 
@@ -197,7 +197,8 @@ def summary(runs: list[Run]) -> list[dict[str, object]]:
                 row[f"{name}_bar"] = limits[name]
                 row[f"{name}_met"] = _met(mean, half, limits[name])
         row["trajectory_length_m"] = statistics.fmean(run.trajectory_length_m for run in own)
-        row["closest_m"] = min(run.closest_m for run in own)
+        near = [run.closest_m for run in own if run.closest_m is not None]
+        row["closest_m"] = min(near, default=None)
         row["tick_ms"] = statistics.median(run.tick_ms for run in own)
         rows.append(row)
     return rows
@@ -212,7 +213,15 @@ def _met(mean: float, half: float, bar: float) -> str:
 
 def table(rows: list[dict[str, object]]) -> str:
     """Return the summary as Markdown; `*` marks a bar met by the mean only, `!` one missed."""
-    head = ("scenario", "trace", "sensing", "communication", "error (m)", "path (m)", "closest (m)")
+    head = (
+        "scenario",
+        "trace",
+        "sensing",
+        "communication",
+        "error (m)",
+        "path (m)",
+        "too close (m)",
+    )
     lines = [" | ".join(head), " | ".join("---" for _ in head)]
     for row in rows:
         cells = [str(row["scenario"])]
@@ -224,7 +233,8 @@ def table(rows: list[dict[str, object]]) -> str:
                 theirs, bar = row[f"{name}_authors"], row[f"{name}_bar"]
                 cell += f"{mark} ({theirs:.{digits}f}, bar {bar:.{digits}f})"
             cells.append(cell)
-        cells += [f"{row['trajectory_length_m']:.1f}", f"{row['closest_m']:.2f}"]
+        near = row["closest_m"]
+        cells += [f"{row['trajectory_length_m']:.1f}", "none" if near is None else f"{near:.2f}"]
         lines.append(" | ".join(cells))
     return "\n".join(f"| {line} |" for line in lines)
 
