@@ -11,8 +11,9 @@ class PriceList:
     """Prices of exposure for the optimizer, remembered per assignment.
 
     A hit costs what the team will not know because of it: the trace that builds up while one
-    of a target's watchers is out, summed over its targets and averaged over the robots. A
-    target with two watchers makes both of them bolder. Prices are told in units of the weights
+    of a target's watchers is out, summed over its watchers and averaged over the targets. A
+    target with two watchers makes both of them bolder. More targets per robot do not make it
+    shyer: it has as much more to gain. Prices are told in units of the weights
     the mission starts with: whoever raises the weight of a kind makes its exposure dearer in
     proportion, and whoever raises that of tracking makes both kinds cheaper beside it.
     """
@@ -43,14 +44,14 @@ class PriceList:
         A kind whose weight is 0 is not to be feared at all.
         """
         setup = self._setup
-        if weight <= 0.0 or failure_s <= 0.0:
+        if weight <= 0.0 or failure_s <= 0.0 or not watched:
             return 0.0
         loss = sum(
             watchers * targets * self._loss(watchers, failure_s)
             for watchers, targets in watched.items()
         )
         rate = 1.0 / setup.planner.attack_period_s
-        return setup.weights.tracking / weight * rate * loss / len(setup.robots)
+        return setup.weights.tracking / weight * rate * loss / watched.total()
 
     def _loss(self, watchers: int, failure_s: float) -> float:
         key = (watchers, failure_s)

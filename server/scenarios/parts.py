@@ -237,12 +237,12 @@ class PlannerPart(Part):
     min_dist_m: NotNegative = Field(default=0.5, description="Least distance between robots.")
     separation_weight: NotNegative = 1000.0
     sensing_failure_s: Annotated[float, Field(ge=0.0, le=60.0)] = Field(
-        default=1.25,
+        default=1.2,
         description="How long a sensing failure is taken to last, which prices being exposed to "
         "one; 0: only the chance constraints count (the paper).",
     )
     communication_failure_s: Annotated[float, Field(ge=0.0, le=60.0)] = Field(
-        default=1.4, description="The same for communication."
+        default=1.9, description="The same for communication."
     )
     engine: Literal["fast", "sqp", "ipopt"] | None = Field(
         default=None, description="Left out: the best one of this machine."

@@ -39,13 +39,16 @@ def test_a_hit_costs_the_trace_lost_per_robot_in_units_of_the_weights() -> None:
         assert price == pytest.approx(10.0 / 50.0 * lost / 0.25)
 
 
-def test_targets_watched_twice_make_robots_bolder_and_more_targets_make_them_shyer() -> None:
+def test_targets_watched_twice_make_robots_bolder_and_more_targets_change_nothing() -> None:
     setup = priced_setup()
     one_each = PriceList(setup).of(setup.assignment).sensing
     both = frozenset(Pairing(i, j) for i in (21, 22) for j in (121, 122))
     one_for_both = frozenset(Pairing(21, j) for j in (121, 122))
-    assert PriceList(setup).of(both).sensing < 0.5 * one_each
+    twice = 2.0 * sight_loss(2, setup.filter, setup.sensor, setup.tick_s, 1.0) / 5.0 / 0.25
+    assert PriceList(setup).of(both).sensing == pytest.approx(twice)
+    assert twice < 0.5 * one_each
     assert PriceList(setup).of(one_for_both).sensing == pytest.approx(one_each)
+    assert PriceList(setup).of(frozenset()) == FREE
 
 
 def test_a_kind_that_does_not_matter_has_no_price() -> None:
