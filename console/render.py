@@ -1,17 +1,23 @@
 """Panels as HTML from snapshot and event messages.
 
-Every word that came from outside (comments, reasons, names) goes through `html.escape`: what
-people and models write is shown, never run.
+Every word that came from outside (comments, reasons, names) goes through `escape`: what people
+and models write is shown as it is read, never run.
 """
 
 import math
 from collections.abc import Iterable
-from html import escape
+from html import escape as html_escape
 from typing import Any
 
 from console.picture import robot_state
 
 Json = dict[str, Any]
+
+
+def escape(text: str) -> str:
+    """Return a text for HTML, without marks that would make it read as something else."""
+    return html_escape(text.translate(_INVISIBLE))
+
 
 LOOPS = (("optimizer", "Optimizer"), ("task_llm", "Task model"), ("action_llm", "Action model"))
 STALE_PERIODS = 3.0
@@ -35,6 +41,9 @@ STATUS_WORDS = {
     "declined": "Declined",
     "expired": "Expired",
 }
+_INVISIBLE = dict.fromkeys((*range(0x202A, 0x202F), *range(0x2066, 0x206A), 0x200E, 0x200F, 0x61C))
+"""Marks that turn the direction of writing: words could be made to read as others."""
+
 WEIGHT_WORDS = {
     "tracking": "Tracking",
     "control": "Effort",

@@ -47,6 +47,9 @@ const falconer = {
 
   onKey(event) {
     const typing = event.target.closest?.("input, textarea, [contenteditable=true]");
+    // Whoever has said something, or thinks better of it, must be able to hold by Space again.
+    if (typing && event.key === "Escape") typing.blur();
+    if (typing && event.key === "Enter" && !event.shiftKey) setTimeout(() => typing.blur());
     if (typing || event.ctrlKey || event.metaKey || event.altKey) return;
     if (event.code === "Space") this.steer("hold");
     else if (event.key === "r") this.steer("resume");

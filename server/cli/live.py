@@ -1,7 +1,10 @@
 """Serving live: the web application, and a mission of its own where one is named."""
 
 import asyncio
+import socket
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import typer
@@ -33,14 +36,34 @@ def serve_live(
     """
     configure_logs()
     try:
-        return asyncio.run(_serve(settings, definition, until_over=until_over))
+        with _listening(settings) as listener:
+            return asyncio.run(_serve(settings, listener, definition, until_over=until_over))
     except KeyboardInterrupt:
         # The server has shut down in order before it passes the signal on.
         return None
 
 
+@contextmanager
+def _listening(settings: Settings) -> Iterator[socket.socket]:
+    """Take the address before anything is started. Raises UsageError when it is not to be had."""
+    try:
+        family = socket.getaddrinfo(settings.host, settings.port, type=socket.SOCK_STREAM)[0][0]
+        listener = socket.create_server((settings.host, settings.port), family=family)
+    except OSError as error:
+        raise UsageError(
+            f"cannot listen on {settings.host}:{settings.port}: {error.strerror}; "
+            "another port is chosen by --port"
+        ) from error
+    with listener:
+        yield listener
+
+
 async def _serve(
-    settings: Settings, definition: Definition | None, *, until_over: bool
+    settings: Settings,
+    listener: socket.socket,
+    definition: Definition | None,
+    *,
+    until_over: bool,
 ) -> dict[str, Any] | None:
     service = MissionService(
         ScenarioLibrary(settings), lambda _: ProcessHost(), lambda _: WorldHost()
@@ -50,9 +73,9 @@ async def _serve(
     result: dict[str, Any] | None = None
     refusal: ServiceError | None = None
     async with asyncio.TaskGroup() as group:
-        serving = group.create_task(server.serve(), name="web server")
+        serving = group.create_task(server.serve(sockets=[listener]), name="web server")
         if await _started(server, serving):
-            _say(f"Falconer on {_address(server)} (Ctrl-C ends it)")
+            _say(f"Falconer on {_address(listener)} (Ctrl-C ends it)")
             if definition is not None:
                 try:
                     result = await _fly(service, definition, serving)
@@ -98,9 +121,9 @@ async def _fly(
         return None
 
 
-def _address(server: uvicorn.Server) -> str:
-    host, port = server.servers[0].sockets[0].getsockname()[:2]
-    return f"http://{host}:{port}"
+def _address(listener: socket.socket) -> str:
+    host, port = listener.getsockname()[:2]
+    return f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}"
 
 
 def _say(words: str) -> None:

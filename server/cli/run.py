@@ -20,7 +20,7 @@ from server.cli.options import (
     scripted_comments,
 )
 from server.cli.progress import progress_bar
-from server.cli.tables import comment_lines, result_table
+from server.cli.tables import comment_lines, result_table, warning_lines
 from server.mission.setup import GateMode, MissionSetup
 from server.models import checked_choice
 from server.settings import load_settings
@@ -119,7 +119,7 @@ def _deliver(result: dict[str, Any], out: Path | None, *, as_json: bool) -> None
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
         (out / "result.json").write_text(text + "\n", encoding="utf-8")
-    for line in comment_lines(result):
+    for line in (*warning_lines(result), *comment_lines(result)):
         typer.echo(line, err=True)
     if as_json:
         typer.echo(text)

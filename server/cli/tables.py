@@ -34,6 +34,15 @@ def result_table(result: dict[str, Any]) -> Table:
     return table
 
 
+def warning_lines(result: dict[str, Any]) -> list[str]:
+    """Return what a reader of the figures should know first."""
+    return [
+        f"warning: no answer of the {label} was valid in {result[key]['calls']} calls"
+        for key, label in (("task_llm", "task model"), ("action_llm", "action model"))
+        if result[key]["calls"] and not result[key]["valid"]
+    ]
+
+
 def comment_lines(result: dict[str, Any]) -> list[str]:
     """Return what became of each comment, a line each."""
     lines = []

@@ -58,6 +58,12 @@ def test_what_people_and_models_write_is_never_run() -> None:
         assert "&lt;script&gt;" in html
 
 
+def test_words_cannot_be_turned_around() -> None:
+    html = render.receipts([comment(text="\u202e0 enord \u2066x")])
+    assert "0 enord x" in html
+    assert not set(html) & {"\u202e", "\u2066"}
+
+
 def test_the_team_table_tells_states_targets_and_silence() -> None:
     rows = re.findall(r"<tr>(.*?)</tr>", render.team(message()))[1:]
     assert [words(row).split(" ")[:2] for row in rows] == [

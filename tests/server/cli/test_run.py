@@ -2,6 +2,7 @@
 
 import json
 import os
+import socket
 import subprocess
 import sys
 from pathlib import Path
@@ -76,3 +77,21 @@ def test_help_names_every_option() -> None:
     assert done.returncode == 0
     for option in ("--llm", "--gate", "--lockstep", "--seed", "--steps", "--engine", "--comment"):
         assert option in done.stdout
+
+
+@pytest.mark.parametrize("command", [("run", "demo"), ("serve",)])
+def test_a_port_that_is_taken_is_one_clear_sentence(command: tuple[str, ...]) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = str(taken.getsockname()[1])
+        done = falconer(*command, "--port", port)
+    assert done.returncode == 2
+    assert f"cannot listen on 127.0.0.1:{port}" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_a_model_that_never_answers_validly_is_told_of() -> None:
+    done = falconer(
+        "run", "ablation", "--lockstep", "--steps", "5", "--llm", "http://127.0.0.1:9/v1"
+    )
+    assert done.returncode == 0
+    assert "no answer of the task model was valid" in done.stderr
