@@ -56,6 +56,9 @@ WEIGHT_FACTOR = 10.0
 
 SEVERITY_BOUNDS = (1.0, 5.0)
 
+DEFAULT_WEIGHTS = WeightsPart(tracking=10.0, control=0.05, sensing=50.0, communication=50.0)
+"""As good as their own on all of the paper authors' scenarios (docs/decisions)."""
+
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_.-]{1,64}$")]
 
 
@@ -90,7 +93,7 @@ class Scenario(Part):
     assignment: dict[Annotated[int, Field(ge=0, le=999_999)], tuple[Id, ...]] = Field(
         description="At the start: robot id to the ids of its targets."
     )
-    weights: WeightsPart
+    weights: WeightsPart = DEFAULT_WEIGHTS
     weight_bounds: WeightBoundsPart = WeightBoundsPart()
     planner: PlannerPart = PlannerPart()
     sensor: SensorPart = SensorPart()

@@ -127,6 +127,12 @@ def test_an_engine_asked_for_comes_before_the_scenarios_own() -> None:
     assert scenario.mission_setup(engine="sqp").planner.engine == "sqp"
 
 
+def test_weights_may_be_left_out_altogether_but_not_in_part() -> None:
+    setup = inline(without(document(), ("weights",))).mission_setup()
+    assert setup.weights == Weights(10.0, 0.05, 50.0, 50.0)
+    assert "weights.control: is missing" in _refusal(without(document(), ("weights", "control")))
+
+
 def test_what_a_failure_is_taken_to_cost_reaches_the_planner() -> None:
     asked = {"sensing_failure_s": 0.0, "communication_failure_s": 2.5}
     data = changed(document(), ("planner",), asked) | {"attacks": {"period_s": 0.8}}
