@@ -165,6 +165,16 @@ def test_a_comment_is_answered_and_the_assignment_follows(console: Visit) -> Non
     assert console.trouble == []
 
 
+@pytest.mark.parametrize("leave", ["Enter", "Escape"])
+def test_space_holds_again_once_the_box_is_left(console: Visit, leave: str) -> None:
+    page = console.page
+    page.fill(".comment-box", "Track more boldly.")
+    page.press(".comment-box", leave)
+    expect(page.locator(".comment-box")).not_to_be_focused(timeout=TIMEOUT_MS)
+    page.keyboard.press("Space")
+    shown(console, ".mission .chip", "held")
+
+
 def test_mission_time_goes_on_and_the_lamps_are_lit(console: Visit) -> None:
     clock = console.page.locator(".clock")
     before = clock.inner_text()
