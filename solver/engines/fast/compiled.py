@@ -80,8 +80,16 @@ class _Implementation(CompileResultCacheImpl):
 class _Cache(FunctionCache):
     _impl_class = _Implementation
 
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Load the machine code, None where there is none that can be read."""
+        try:
+            return super().load_overload(sig, target_context)  # type: ignore[no-untyped-call]
+        except OSError as error:
+            _log.warning("cached kernels could not be read: %s", error)
+            return None
+
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Save the machine code; a read-only disk costs the next start time, nothing else."""
+        """Save the machine code; a disk that refuses costs the next start time, nothing else."""
         try:
             super().save_overload(sig, data)  # type: ignore[no-untyped-call]
         except OSError as error:

@@ -43,10 +43,12 @@ def _can_tell(setting: Table, robot: Table, target: Table) -> bool:
     for k in range(setting.steps):
         if k > 0:
             variance += target.growth[k, 0] + target.growth[k, 2]
-        nearest = min(
-            nearest,
-            hypot(target.means[k, 0] - robot.position[0], target.means[k, 1] - robot.position[1]),
+        length = hypot(
+            target.means[k, 0] - robot.position[0], target.means[k, 1] - robot.position[1]
         )
+        if length != length:
+            return True  # not a number: the objective must show it
+        nearest = min(nearest, length)
     nearest = max(nearest - robot.reach, 0.0)
     most = setting.range_peak * exp(-setting.range_shape * nearest)
     most += (
@@ -54,7 +56,7 @@ def _can_tell(setting: Table, robot: Table, target: Table) -> bool:
         * exp(-setting.bearing_shape * nearest)
         / (nearest * nearest + setting.floor)
     )
-    return bool(most * variance > _NO_INFORMATION)
+    return not most * variance <= _NO_INFORMATION
 
 
 @merged

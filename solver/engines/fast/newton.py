@@ -19,7 +19,19 @@ _OPTIMISM = 4.0
 """How many times the decrease predicted by one Newton step may still be ahead."""
 
 _ARMIJO = 1e-4
-_HALVINGS = 14
+_TRIALS = 4
+"""Halvings of a step; beyond them the direction is bent towards the gradient instead.
+
+A hinge that is just off shows no curvature and lets a step be far too long in its direction
+alone: shortening the whole step would stop all the others with it.
+"""
+
+_LEAST_DAMPING = 1e-3
+"""First damping, relative to the largest curvature. It grows and shrinks by tens."""
+
+_DAMPINGS = 8
+_GIVEN_UP = 1e-10
+"""A damped step that promises less than this part of the cost ends the iterations."""
 
 
 @kernel
@@ -37,20 +49,35 @@ def _find_free(team: Team, i: int, u: FloatArray) -> int:
 
 
 @kernel
-def _aim(team: Team, count: int) -> float:
-    """Fill the direction -|H|^-1 g over the free controls, return the predicted decrease."""
+def _largest(team: Team, count: int) -> float:
+    """Return the largest curvature along a free control."""
+    work = team.work[0]
+    largest = 0.0
+    for row in range(count):
+        largest = max(largest, abs(work.bend[work.free[row], work.free[row]]))
+    return largest
+
+
+@kernel
+def _aim(team: Team, count: int, damping: float) -> float:
+    """Fill the direction -|H + damping|^-1 g over the free controls.
+
+    Returns the decrease predicted.
+    """
     work = team.work[0]
     factor, vector, free, bend = work.factor, work.vector, work.free, work.bend
     for row in range(count):
         vector[row] = -work.gradient[free[row]]
         for column in range(row + 1):
             factor[row, column] = bend[free[row], free[column]]
+        factor[row, row] += damping
     if cholesky(factor, count):
         substitute(factor, count, vector)
     else:
         for row in range(count):
             for column in range(row + 1):
                 factor[row, column] = factor[column, row] = bend[free[row], free[column]]
+            factor[row, row] += damping
         factor_indefinite(factor, count, work.order, work.pairs)
         solve_absolute(factor, count, work.order, work.pairs, vector, work.values)
     predicted = 0.0
@@ -69,7 +96,7 @@ def _search(team: Team, i: int, rows: int, u: FloatArray, start: float) -> float
     robot, work = team.robots[i], team.work[0]
     size = 2 * team.setting[0].steps
     length = 1.0
-    for _ in range(_HALVINGS):
+    for _ in range(_TRIALS):
         slope = 0.0
         for at in range(size):
             value = u[at] + length * work.direction[at]
@@ -93,18 +120,25 @@ def descend(
     Returns the cost before and after, the steps taken, and whether it has converged.
     """
     value = before = expand(team, i, rows, u)
+    damping = 0.0
     for step in range(most):
         count = _find_free(team, i, u)
-        predicted = _aim(team, count) if count > 0 else 0.0
-        if not predicted > TOLERANCE * value:
-            return before, value, step, True
-        if value - _OPTIMISM * predicted > goal:
-            return before, value, step, False
-        reached = _search(team, i, rows, u, value)
+        reached = value
+        for _ in range(_DAMPINGS):
+            predicted = _aim(team, count, damping) if count > 0 else 0.0
+            if not predicted > (TOLERANCE if damping == 0.0 else _GIVEN_UP) * value:
+                return before, value, step, True
+            if value - _OPTIMISM * predicted > goal and damping == 0.0:
+                return before, value, step, False
+            reached = _search(team, i, rows, u, value)
+            if reached < value:
+                break
+            damping = max(10.0 * damping, _LEAST_DAMPING * _largest(team, count))
         if not reached < value:
             return before, value, step, True
         value = reached
         if step + 1 == most or now(team.work[0].timespec) > deadline:
             return before, value, step + 1, False
+        damping = 0.1 * damping if damping > _LEAST_DAMPING * _largest(team, count) else 0.0
         value = expand(team, i, rows, u)
     return before, value, most, False

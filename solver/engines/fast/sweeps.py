@@ -21,12 +21,13 @@ from solver.engines.fast.probes import (
 )
 from solver.engines.fast.robot import gather, settle
 
-SWEEPS = 6
+_SWEEPS = 6
+_SMALL_TEAM_SWEEPS = 12
 RELATIVE_DECREASE = 1e-6
 """Sweeps end when one lowers the objective by less than this part of it."""
 
-_FIRST_STEPS = 8
-_LATER_STEPS = 3
+_FIRST_STEPS = 20
+_LATER_STEPS = 8
 """Newton steps per visit."""
 
 
@@ -35,9 +36,11 @@ def improve(team: Team, objective: float, iterations: int, deadline: float) -> b
     """Sweep until converged (True), out of steps, or late."""
     count = team.robots.shape[0]
     # Large teams probe when everybody has a plan; small ones save the second visit.
-    probing = 0 if count <= THOROUGH_TEAM else 1
+    probing, sweeps = 1, _SWEEPS
+    if count <= THOROUGH_TEAM:
+        probing, sweeps = 0, _SMALL_TEAM_SWEEPS
     shift = _shift(team)
-    for sweep in range(SWEEPS):
+    for sweep in range(sweeps):
         decrease = 0.0
         most = _FIRST_STEPS if sweep == 0 else _LATER_STEPS
         stale = False

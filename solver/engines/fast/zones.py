@@ -10,7 +10,7 @@ from solver.engines.fast.hinges import add_hinge
 from solver.engines.fast.jit import kernel
 from solver.engines.fast.layout import Table, Team
 
-_LEAST = 1e-18
+_LEAST = 1e-30
 """Least variance, so that a zone without extent has no division by zero."""
 
 

@@ -1,0 +1,122 @@
+"""The kernels' first and second derivatives against independent ones."""
+
+from dataclasses import replace
+
+import casadi as ca
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from solver import objective
+from solver.arrays import FloatArray, frozen
+from solver.bounds import control_box
+from solver.engines.casadi_model import padded, parameters, reduced, shape_of
+from solver.engines.fast.derivatives import local_derivatives
+from solver.problem import Dynamics, Problem
+from tests.solver.problems import DYNAMICS, coincident, random_problem
+
+# Where no machine code is in the cache yet, the first test compiles it.
+pytestmark = pytest.mark.timeout(900)
+
+
+def interior(seed: int, problem: Problem) -> FloatArray:
+    lower, upper = control_box(problem)
+    share = np.random.default_rng(seed).uniform(0.05, 0.95, size=lower.shape)
+    return np.asarray(lower + share * (upper - lower))
+
+
+def differences(problem: Problem, controls: FloatArray, robot: int) -> FloatArray:
+    """Hessian block of one robot by central differences of the reference gradient."""
+    size, step = 2 * problem.horizon, 1e-6
+    columns = []
+    for at in range(size):
+        slopes = []
+        for sign in (1.0, -1.0):
+            moved = controls.copy()
+            moved[robot].reshape(-1)[at] += sign * step
+            slopes.append(objective.gradient(problem, moved)[robot].ravel())
+        columns.append((slopes[0] - slopes[1]) / (2.0 * step))
+    return np.stack(columns, axis=1)
+
+
+def compare(problem: Problem, controls: FloatArray, robot: int) -> None:
+    searched, value, gradient, hessian = local_derivatives(problem, controls, robot)
+    assert searched == pytest.approx(value, rel=1e-12)
+    expected = objective.gradient(problem, controls)[robot].ravel()
+    np.testing.assert_allclose(gradient, expected, atol=1e-9 * (1.0 + np.abs(expected).max()))
+    bend = differences(problem, controls, robot)
+    np.testing.assert_allclose(hessian, bend, atol=2e-6 * (1.0 + np.abs(bend).max()))
+    np.testing.assert_allclose(hessian, hessian.T, atol=1e-12 * (1.0 + np.abs(hessian).max()))
+
+
+@settings(max_examples=80)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    robots=st.integers(1, 5),
+    targets=st.integers(0, 5),
+    zones=st.integers(0, 3),
+    horizon=st.integers(1, 7),
+    dynamics=st.sampled_from(DYNAMICS),
+    room=st.sampled_from([0.4, 1.5, 5.0]),
+)
+def test_every_term_has_its_exact_gradient_and_hessian(
+    seed: int, robots: int, targets: int, zones: int, horizon: int, dynamics: Dynamics, room: float
+) -> None:
+    """Rooms from crowded (everybody inside zones, on targets, on each other) to wide."""
+    problem = random_problem(seed, robots, targets, zones, horizon, dynamics, 2, room)
+    compare(problem, interior(seed, problem), seed % robots)
+
+
+@settings(max_examples=20)
+@given(seed=st.integers(0, 2**32 - 1), horizon=st.integers(1, 4))
+def test_derivatives_hold_at_coincident_points(seed: int, horizon: int) -> None:
+    """All robots on one target on a zone's centre, and resting there."""
+    problem = coincident(random_problem(seed, 3, 3, 2, horizon))
+    compare(problem, np.zeros((3, horizon, 2)), seed % 3)
+
+
+def test_a_move_changes_the_own_cost_as_it_changes_the_teams() -> None:
+    """A robot's own problem holds every term it moves, jamming rows of its mates included."""
+    for seed in range(30):
+        dynamics = DYNAMICS[seed % 2]
+        problem = random_problem(seed, 5, 6, 3, 1 + seed % 5, dynamics, room=2.0)
+        before, after = interior(seed, problem), interior(seed + 1000, problem)
+        moved = before.copy()
+        moved[2] = after[2]
+        own = local_derivatives(problem, moved, 2)[0] - local_derivatives(problem, before, 2)[0]
+        team = objective.cost(problem, moved) - objective.cost(problem, before)
+        assert own == pytest.approx(team, rel=1e-9, abs=1e-9 * abs(team) + 1e-9)
+
+
+@pytest.mark.parametrize("dynamics", DYNAMICS)
+def test_the_hessian_is_the_symbolic_one(dynamics: Dynamics) -> None:
+    problem = random_problem(3, 3, 4, 2, 4, dynamics, room=1.5)
+    shape = shape_of(problem)
+    controls, vector, total = reduced(shape)
+    bend = ca.Function("H", [controls, vector], [ca.hessian(total, controls)[0]])
+    for seed in range(5):
+        problem = random_problem(seed, 3, 4, 2, 4, dynamics, room=1.5)
+        at = interior(seed, problem)
+        symbolic = np.asarray(bend(padded(at, shape.robots).ravel(), parameters(problem, shape)))
+        for robot in range(3):
+            block = slice(8 * robot, 8 * robot + 8)
+            hessian = local_derivatives(problem, at, robot)[3]
+            scale = 1.0 + np.abs(hessian).max()
+            np.testing.assert_allclose(hessian, symbolic[block, block], atol=1e-10 * scale)
+
+
+def test_far_robots_and_zones_are_left_out_without_a_trace() -> None:
+    """The lists are pruned by reach; the numbers must not notice."""
+    problem = random_problem(5, 4, 4, 3, 3, room=3.0)
+    spread = frozen(
+        problem.positions * np.array([[1.0, 1.0], [40.0, 1.0], [1.0, 40.0], [9.0, 9.0]])
+    )
+    wide = replace(
+        problem,
+        positions=spread,
+        field_lower=frozen([-200.0, -200.0]),
+        field_upper=frozen([200.0, 200.0]),
+    )
+    for robot in range(4):
+        compare(wide, interior(1, wide), robot)

@@ -1,0 +1,199 @@
+"""The fast engine as a whole: right answers, whenever and however it is stopped."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks.adversarial import adversarial_problem, faults
+from benchmarks.missions import Layout, ticks
+from solver import engines, objective
+from solver.arrays import FloatArray, frozen, frozen_bool
+from solver.bounds import control_box, rollout
+from solver.directives import Weights
+from solver.engines.fast import FastEngine
+from solver.engines.ipopt import IpoptEngine
+from solver.problem import Budget, Dynamics, EngineFailed, Problem, Rung, Solution
+from tests.solver.problems import DYNAMICS, coincident, random_problem
+
+FAST, IPOPT = FastEngine(), IpoptEngine()
+PATIENT = Budget(iterations=500)
+
+# Where no machine code is in the cache yet, the first test compiles it.
+pytestmark = pytest.mark.timeout(900)
+
+
+def stationarity(problem: Problem, controls: FloatArray) -> float:
+    """Return what a small projected gradient step promises, relative to the cost."""
+    lower, upper = control_box(problem)
+    slope = objective.gradient(problem, controls)
+    step = np.clip(controls - 1e-3 * slope, lower, upper) - controls
+    return float(-(slope * step).sum()) / (1.0 + objective.cost(problem, controls))
+
+
+def test_it_is_the_engine_of_that_name() -> None:
+    assert isinstance(engines.create("fast"), FastEngine)
+    assert engines.default_engine() == FAST.name == "fast"
+
+
+@pytest.mark.parametrize("dynamics", DYNAMICS)
+@pytest.mark.parametrize("horizon", [1, 2, 5, 10])
+def test_answers_are_what_they_claim_to_be(horizon: int, dynamics: Dynamics) -> None:
+    for seed in range(20):
+        problem = random_problem(seed, 5, 8, 2, horizon, dynamics, room=4.0)
+        found = FAST.solve(problem, PATIENT)
+        assert not faults(problem, found)
+        positions, velocities = rollout(problem, found.controls)
+        np.testing.assert_allclose(found.positions, positions, atol=1e-12)
+        np.testing.assert_allclose(found.velocities, velocities, atol=1e-12)
+        assert found.objective == pytest.approx(objective.cost(problem, found.controls), rel=1e-9)
+        assert found.engine == "fast"
+        assert found.robot_ids == problem.robot_ids
+
+
+@pytest.mark.parametrize("dynamics", DYNAMICS)
+@pytest.mark.parametrize("horizon", [1, 3, 6])
+def test_converged_answers_are_stationary(horizon: int, dynamics: Dynamics) -> None:
+    worst = []
+    for seed in range(20):
+        problem = random_problem(seed, 4, 6, 2, horizon, dynamics, room=5.0)
+        found = FAST.solve(problem, PATIENT)
+        if found.rung is Rung.CONVERGED:
+            worst.append(stationarity(problem, found.controls))
+    assert len(worst) >= 16
+    assert np.median(worst) < 1e-5
+    assert max(worst) < 1e-3
+
+
+@pytest.mark.parametrize("dynamics", DYNAMICS)
+@pytest.mark.parametrize("horizon", [1, 3])
+def test_no_start_of_ipopt_leads_lower(horizon: int, dynamics: Dynamics) -> None:
+    gaps = []
+    for seed in range(10):
+        problem = random_problem(seed, 3, 4, 2, horizon, dynamics, obstacles=1, room=5.0)
+        best = IPOPT.best_of_starts(problem, 8, seed)
+        gaps.append(FAST.solve(problem, PATIENT).objective / best.objective - 1.0)
+    assert sum(gap > 3e-4 for gap in gaps) <= 1
+    assert np.median(gaps) < 1e-6
+
+
+def test_warm_started_in_closed_loop_it_stays_with_the_best_of_eight_starts() -> None:
+    layout = Layout(robots=2, targets=4, horizon=1, seed=8)
+    gaps = []
+    for tick, (problem, found) in enumerate(ticks(layout, 60, lambda p: FAST.solve(p, Budget()))):
+        if tick % 3 == 0:
+            best = IPOPT.best_of_starts(problem, 8)
+            exact = objective.exact_cost(problem, best.controls)
+            gaps.append(objective.exact_cost(problem, found.controls) / exact - 1.0)
+    assert sum(gap > 3e-4 for gap in gaps) <= 1
+
+
+def test_same_problem_same_answer_to_the_last_bit() -> None:
+    for horizon in (1, 4):
+        problem = random_problem(4, 6, 9, 3, horizon)
+        first = FAST.solve(problem, Budget(iterations=100))
+        FAST.solve(random_problem(5, 3, 4, 3, 2), Budget(iterations=7))
+        again = FastEngine().solve(problem, Budget(iterations=100))
+        np.testing.assert_array_equal(first.controls, again.controls)
+        assert (first.iterations, first.objective) == (again.iterations, again.objective)
+
+
+@pytest.mark.parametrize("horizon", [1, 5])
+def test_a_robot_on_the_centre_of_a_zone_with_its_target_there_leaves(horizon: int) -> None:
+    for seed in range(6):
+        problem = coincident(random_problem(seed, 1, 1, 1, horizon, obstacles=0))
+        centre = problem.sensing.centres[0]
+        table = replace(problem.sensing, known=frozen_bool([[True]]))
+        problem = replace(problem, sensing=table)
+        for _ in range(8):
+            found = FAST.solve(problem, PATIENT)
+            problem = replace(problem, positions=frozen(found.positions[:, 0]))
+        assert np.linalg.norm(problem.positions[0] - centre) > 0.3
+
+
+@pytest.mark.parametrize("horizon", [1, 5])
+def test_robots_on_one_spot_part(horizon: int) -> None:
+    problem = random_problem(2, 3, 3, 1, horizon, obstacles=0, room=9.0)
+    problem = replace(problem, positions=frozen(np.full((3, 2), 1.0)))
+    for _ in range(6):
+        found = FAST.solve(problem, PATIENT)
+        problem = replace(problem, positions=frozen(found.positions[:, 0]))
+    gaps = np.linalg.norm(problem.positions[:, None] - problem.positions[None], axis=-1)
+    assert gaps[np.triu_indices(3, 1)].min() > 0.3
+
+
+def test_more_iterations_are_never_worse() -> None:
+    for seed in range(8):
+        problem = random_problem(seed, 5, 7, 3, 5, DYNAMICS[seed % 2], room=3.0)
+        costs = [FAST.solve(problem, Budget(iterations=n)).objective for n in (1, 2, 4, 8, 200)]
+        start = objective.cost(problem, np.clip(np.zeros((5, 5, 2)), *control_box(problem)))
+        assert costs[0] <= start
+        assert costs[-1] <= min(costs) * (1.0 + 1e-3)
+
+
+def test_without_time_it_answers_with_the_last_plan_moved_into_the_box() -> None:
+    problem = random_problem(1, 4, 6, 2, 3)
+    plan = np.random.default_rng(0).normal(size=(4, 3, 2))
+    problem = replace(problem, previous=frozen(plan))
+    found = FAST.solve(problem, Budget(deadline_s=0.0))
+    assert found.rung is Rung.FEASIBLE
+    assert found.iterations == 0
+    np.testing.assert_array_equal(found.controls, np.clip(plan, *control_box(problem)))
+
+
+def test_the_deadline_holds_in_the_middle_of_a_large_team() -> None:
+    problem = random_problem(1, 200, 400, 5, 10, room=40.0)
+    patient = FAST.solve(problem, Budget())
+    hasty = FAST.solve(problem, Budget(deadline_s=0.2 * patient.solve_s))
+    assert hasty.solve_s < 0.2 * patient.solve_s + 0.01
+    assert hasty.rung is Rung.FEASIBLE
+    assert not faults(problem, hasty)
+    assert patient.objective < hasty.objective
+
+
+def test_a_horizon_without_room_is_refused() -> None:
+    with pytest.raises(EngineFailed, match="horizon 11"):
+        FAST.solve(random_problem(0, horizon=11), Budget())
+
+
+def test_an_objective_that_is_no_number_is_refused() -> None:
+    problem = random_problem(0)
+    broken = replace(problem, target_means=frozen(np.full((1, 5, 2), np.nan)))
+    with pytest.raises(EngineFailed, match="objective"):
+        FAST.solve(broken, Budget())
+
+
+def test_replanned_robots_forget_their_plan() -> None:
+    """A plan into the wrong direction, and the free way is found again when asked for."""
+    problem = random_problem(6, 1, 1, 0, 1, obstacles=0, room=5.0)
+    ahead = problem.target_means[0, 0] - problem.positions[0]
+    wrong = frozen(-np.sign(ahead)[None, None] * 0.5)
+    found = FAST.solve(replace(problem, previous=wrong, replan=frozen_bool([True])), Budget())
+    assert float(found.controls[0, 0] @ ahead) > 0.0
+
+
+def test_weights_zones_and_assignments_are_data() -> None:
+    problem = random_problem(7, 3, 4, 0, obstacles=0, room=6.0)
+    lazy = FAST.solve(replace(problem, weights=Weights(0.1, 500.0, 50.0, 50.0)), PATIENT)
+    eager = FAST.solve(replace(problem, weights=Weights(100.0, 0.001, 50.0, 50.0)), PATIENT)
+    assert np.abs(lazy.controls).max() < 0.1 < 0.4 < np.abs(eager.controls).max()
+    blind = replace(problem, sees=frozen_bool(np.zeros_like(problem.sees)))
+    np.testing.assert_allclose(FAST.solve(blind, PATIENT).controls, 0.0, atol=1e-6)
+
+
+@pytest.mark.parametrize("block", range(4))
+def test_nothing_breaks_it(block: int) -> None:
+    """The long version is `python -m benchmarks.adversarial`."""
+    for seed in range(750 * block, 750 * (block + 1)):
+        problem = adversarial_problem(seed)
+        found: Solution = FAST.solve(problem, Budget())
+        assert not faults(problem, found), seed
+
+
+def test_a_large_team_converges_in_closed_loop() -> None:
+    layout = Layout(robots=48, targets=96, horizon=5, seed=2)
+    rungs = []
+    for problem, found in ticks(layout, 12, lambda p: FAST.solve(p, Budget())):
+        assert not faults(problem, found)
+        rungs.append(found.rung)
+    assert rungs.count(Rung.CONVERGED) >= 9
