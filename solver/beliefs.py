@@ -29,6 +29,16 @@ class MotionModel(StrEnum):
     """White acceleration of spectral density q on each axis."""
 
 
+class NearField(StrEnum):
+    """What is taken of the posterior where a bearing cannot be linearised."""
+
+    MOMENTS = "moments"
+    """Its mean and covariance: errs least if the noise is what the sensor model says."""
+
+    MODE = "mode"
+    """Its most likely place: for worlds whose noise is far below the model's."""
+
+
 @dataclass(frozen=True, slots=True)
 class FilterSettings:
     """What the filter takes for granted."""
@@ -49,9 +59,7 @@ class FilterSettings:
     speed_variance: float = 0.25
     """(m/s)^2 per axis of a track's velocity when it starts."""
 
-    refinements: int = 4
-    """Further linearisations of an update: 0 is the textbook filter, which diverges where a
-    robot is about as near to its target as the target's place is uncertain."""
+    near_field: NearField = NearField.MOMENTS
 
     @property
     def dimension(self) -> int:

@@ -2,7 +2,7 @@
 
 Directives are in force; a proposal asks for other ones; a verdict says whether it may.
 Only the mission turns a proposal into directives, and only after verification
-(paper, sections III-C and III-D, eq. 5).
+(paper, sections III-C and III-D, eq. 4).
 """
 
 from dataclasses import dataclass, field
@@ -77,6 +77,13 @@ class Directives:
         """Return the ids of the targets assigned to a robot, ascending."""
         return tuple(sorted(p.target_id for p in self.assignment if p.robot_id == robot_id))
 
+    def rows(self) -> dict[int, tuple[int, ...]]:
+        """Return `targets_of` every robot that has any, by its id."""
+        rows: dict[int, list[int]] = {}
+        for pair in self.assignment:
+            rows.setdefault(pair.robot_id, []).append(pair.target_id)
+        return {robot_id: tuple(sorted(row)) for robot_id, row in rows.items()}
+
     def severity_of(self, zone_id: str) -> float:
         """Return a zone's severity multiplier (1 where nothing was said)."""
         return dict(self.severities).get(zone_id, 1.0)
@@ -125,6 +132,15 @@ class Proposal:
     comment_answers: tuple[CommentAnswer, ...] = ()
     considered: tuple[str, ...] = ()
     """Ids of the comments that stood in the prompt."""
+
+    author: str = ""
+    """The person who asks, where one does."""
+
+    pins_set: tuple[Pin, ...] = ()
+    """Hard pins of a person's own, new or changed."""
+
+    pins_lifted: tuple[str, ...] = ()
+    """Ids of pins to be taken away."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,24 +2,25 @@
 
 All N targets are filtered at once on stacked arrays. A state is (x, y) under the random walk
 and (x, y, vx, vy) at constant velocity. Measurements touch positions only, so an update works
-on the position marginal in information form (`solver.correction`) and carries the result to the
-velocities by regression, `Pvx Pxx^-1`: equal to the textbook update, and positive definite by
-construction.
+on the position marginal and carries the result to the velocities by regression, `Pvx Pxx^-1`:
+equal to the textbook update, and positive definite by construction. Sightings from afar are
+fused in information form (`solver.evidence`), near ones one after another
+(`solver.nearfield`).
 """
 
-import math
 from dataclasses import replace
 
 import numpy as np
 
-from solver import matrices
-from solver.arrays import BoolArray, FloatArray, IntArray
+from solver import evidence, initiation, matrices, nearfield
+from solver.arrays import BoolArray, FloatArray
 from solver.beliefs import (
     GREATEST_VARIANCE,
     LEAST_VARIANCE,
     Beliefs,
     FilterSettings,
     MotionModel,
+    NearField,
     bounded,
     position_covariances,
     recombined,
@@ -29,16 +30,16 @@ from solver.beliefs import (
     velocity_rest,
     with_prior,
 )
-from solver.correction import SightingSet
 from solver.fusion import fuse
 from solver.observations import Detections
 from solver.problem import SensorModel
-from solver.sensing import noise_variances
+from solver.sightings import Sightings, gathered, layers
 
 __all__ = [
     "Beliefs",
     "FilterSettings",
     "MotionModel",
+    "NearField",
     "forecast",
     "fuse",
     "position_covariances",
@@ -48,6 +49,12 @@ __all__ = [
     "update",
     "with_prior",
 ]
+
+REACQUIRE_AFTER_S = 1.0
+"""A track that nothing confirmed for so long, and whose sightings were all rejected ..."""
+
+REACQUIRE_SIGHTINGS = 3
+"""... at least so many in a row, is given up and started afresh from them."""
 
 
 def predict(beliefs: Beliefs, settings: FilterSettings, dt_s: float) -> Beliefs:
@@ -81,21 +88,23 @@ def update(
 ) -> Beliefs:
     """Return the beliefs after one moment's sightings, all targets and robots at once.
 
-    Linearised at the predicted means and then, `settings.refinements` times, at the better
-    ones found; bearing differences wrapped, outliers gated one sighting at a time. An unknown
-    target's track starts from its first sighting. Sightings of unknown ids and with numbers
+    Outliers are gated one sighting at a time. An unknown target's track starts from its most
+    precise sighting, and so does that of a target whose sightings have all been rejected for
+    a while: then the track is wrong, not the robots. Sightings of unknown ids and with numbers
     that are not finite are ignored.
     """
-    sightings = _gathered(beliefs.ids, batch)
+    sightings = gathered(beliefs.ids, batch)
     if not len(sightings):
         return beliefs
-    rows = sightings[:, 0].astype(np.int64)
-    if not beliefs.known[rows].all():
-        beliefs, started = _initiated(beliefs, settings, sensor, rows, sightings)
-        sightings = sightings[~started]
-        if not len(sightings):
-            return beliefs
-    return _updated(beliefs, settings, sensor, sightings)
+    beliefs = _started_and_fused(beliefs, settings, sensor, sightings)
+    lost = (beliefs.rejected >= REACQUIRE_SIGHTINGS) & (beliefs.unseen_s >= REACQUIRE_AFTER_S)
+    again = lost[sightings.rows]
+    if again.any():
+        lost = np.zeros_like(lost)
+        lost[sightings.rows[again]] = True
+        beliefs = replace(beliefs, known=beliefs.known & ~lost)
+        beliefs = _started_and_fused(beliefs, settings, sensor, sightings.select(again))
+    return beliefs
 
 
 def forecast(
@@ -142,88 +151,88 @@ def _moved(P: FloatArray, q: float, dt: float) -> FloatArray:
     return moved
 
 
-def _gathered(ids: tuple[int, ...], batch: tuple[Detections, ...]) -> FloatArray:
-    """Return usable sightings as rows (target row, robot x, robot y, range, bearing)."""
-    index = {target_id: row for row, target_id in enumerate(ids)}
-    flat = []
-    for detections in batch:
-        x, y = detections.position
-        for sighting in detections.sightings:
-            row = index.get(sighting.target_id)
-            if row is not None:
-                flat.append((row, x, y, sighting.range_m, sighting.bearing_rad))
-    table = np.array(flat, dtype=np.float64).reshape(-1, 5)
-    usable = np.isfinite(table).all(axis=1)
-    return table if usable.all() else table[usable]
+def _started_and_fused(
+    beliefs: Beliefs, settings: FilterSettings, sensor: SensorModel, sightings: Sightings
+) -> Beliefs:
+    if not beliefs.known[sightings.rows].all():
+        beliefs, used = initiation.started(beliefs, settings, sensor, sightings)
+        sightings = sightings.select(~used)
+        if not len(sightings):
+            return beliefs
+    return _fused(beliefs, settings, sensor, sightings)
 
 
-def _initiated(
-    beliefs: Beliefs,
+def _fused(
+    beliefs: Beliefs, settings: FilterSettings, sensor: SensorModel, sightings: Sightings
+) -> Beliefs:
+    """Fuse sightings of known targets: those from afar at once, then near ones by turns."""
+    count = len(beliefs.ids)
+    means, P = beliefs.means, beliefs.covariances
+    prior = P[:, :2, :2]
+    accepted = np.zeros(len(sightings), dtype=np.bool_)
+    near = evidence.near(sightings, means, prior)
+    inverse = matrices.inverse(prior)
+    position, moved = prior, np.zeros((count, 2, 1))
+    if not near.all():
+        information, vector, accepted[~near] = evidence.gathered(
+            sightings.select(~near), sensor, means, prior, settings.gate_probability
+        )
+        position = matrices.inverse(inverse + information)
+        moved = position @ vector
+    if near.any():
+        position = matrices.clamped(position, LEAST_VARIANCE, GREATEST_VARIANCE).copy()
+        accepted[near] = _sharpened(
+            means, moved, position, settings, sensor, sightings.select(near)
+        )
+    if P.shape[-1] == 2:
+        posterior = matrices.clamped(position, LEAST_VARIANCE, GREATEST_VARIANCE)
+        shift = moved[:, :, 0]
+    else:
+        regression = np.swapaxes(P[:, :2, 2:], 1, 2) @ inverse
+        posterior = recombined(position, regression, velocity_rest(P, regression))
+        shift = np.concatenate((moved, regression @ moved), axis=1)[:, :, 0]
+    sighted = np.bincount(sightings.rows, None, count)
+    seen = np.bincount(sightings.rows, accepted, count) > 0
+    if not seen.all():
+        posterior = np.where(seen[:, None, None], posterior, P)
+    return replace(
+        beliefs,
+        means=means + shift,
+        covariances=posterior,
+        unseen_s=np.where(seen, 0.0, beliefs.unseen_s),
+        rejected=np.where(seen, 0, beliefs.rejected + sighted),
+    )
+
+
+def _sharpened(
+    means: FloatArray,
+    moved: FloatArray,
+    position: FloatArray,
     settings: FilterSettings,
     sensor: SensorModel,
-    rows: IntArray,
-    sightings: FloatArray,
-) -> tuple[Beliefs, BoolArray]:
-    """Start tracks; return the beliefs and which sightings were used up for it.
+    sightings: Sightings,
+) -> BoolArray:
+    """Fuse near sightings into `moved` (N, 2, 1) and `position` (N, 2, 2), which are changed.
 
-    The conversion to the plane and its covariance are conditioned on what was measured
-    (modified unbiased conversion: Duan, Han and Li, 2004), so that a distant target's track
-    is not born overconfident.
+    Returns:
+        Which of the sightings were accepted.
     """
-    used = np.zeros(len(rows), dtype=np.bool_)
-    means, P = beliefs.means.copy(), beliefs.covariances.copy()
-    known, unseen = beliefs.known.copy(), beliefs.unseen_s.copy()
-    for k, row in enumerate(rows.tolist()):
-        if known[row]:
-            continue
-        _, x, y, measured, bearing = sightings[k].tolist()
-        distance = max(measured, 0.0)
-        range_variance, bearing_variance = noise_variances(sensor, distance)
-        shrink = math.exp(-0.5 * bearing_variance)
-        energy = 0.5 * (distance**2 + range_variance)
-        along = energy * (1.0 + shrink**4) - (shrink * distance) ** 2
-        across = energy * (1.0 - shrink**4)
-        c, s = math.cos(bearing), math.sin(bearing)
-        turn = np.array([[c, -s], [s, c]])
-        P[row] = unknown_covariance(settings)
-        P[row, :2, :2] = matrices.symmetric(turn @ np.diag([along, across]) @ turn.T)
-        means[row] = 0.0
-        means[row, :2] = (x + shrink * distance * c, y + shrink * distance * s)
-        known[row] = used[k] = True
-        unseen[row] = 0.0
-    started = beliefs.started | known
-    P = bounded(P)
-    return replace(
-        beliefs, means=means, covariances=P, known=known, unseen_s=unseen, started=started
-    ), used
-
-
-def _updated(
-    beliefs: Beliefs, settings: FilterSettings, sensor: SensorModel, sightings: FloatArray
-) -> Beliefs:
-    """Fuse sightings of known targets."""
-    P = beliefs.covariances
-    seen_by = SightingSet(beliefs.means[:, :2], P[:, :2, :2], sensor, sightings)
-    hits, rejected = seen_by.gated(settings.gate_probability)
-    position, shift = seen_by.fused(settings.refinements)
-    seen = hits > 0
-    targets = seen_by.targets[seen]
-    position, shift = position[seen], shift[seen]
-    means, covariances = beliefs.means.copy(), P.copy()
-    if P.shape[-1] == 2:
-        means[targets] += shift
-        covariances[targets] = matrices.clamped(position, LEAST_VARIANCE, GREATEST_VARIANCE)
-    else:
-        before = P[targets]
-        regression = np.swapaxes(before[:, :2, 2:], 1, 2) @ seen_by.precision[seen]
-        rest = velocity_rest(before, regression)
-        covariances[targets] = recombined(position, regression, rest)
-        means[targets, :2] += shift
-        means[targets, 2:] += (regression @ shift[:, :, None])[:, :, 0]
-    unseen, outliers = beliefs.unseen_s.copy(), beliefs.rejected.copy()
-    outliers[seen_by.targets] += rejected
-    unseen[targets] = 0.0
-    outliers[targets] = 0
-    return replace(
-        beliefs, means=means, covariances=covariances, unseen_s=unseen, rejected=outliers
-    )
+    accepted = np.ones(len(sightings), dtype=np.bool_)
+    at_mode = settings.near_field is NearField.MODE
+    posterior = nearfield.mode if at_mode else nearfield.moments
+    for layer in layers(sightings):
+        chosen = sightings.select(layer)
+        rows = chosen.rows
+        expected = means[rows, :2] + moved[rows, :, 0]
+        result = posterior(chosen, sensor, expected, position[rows])
+        within = np.ones(len(rows), dtype=np.bool_)
+        if settings.gate_probability is not None:
+            within = result.surprise <= evidence.gate(settings.gate_probability)
+            accepted[layer] = within
+        rows = rows[within]
+        moved[rows, 0, 0] = chosen.x[within] + result.means[within, 0] - means[rows, 0]
+        moved[rows, 1, 0] = chosen.y[within] + result.means[within, 1] - means[rows, 1]
+        position[rows] = matrices.clamped(
+            result.covariances[within], LEAST_VARIANCE, GREATEST_VARIANCE
+        )
+    return accepted

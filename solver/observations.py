@@ -118,6 +118,15 @@ class ZoneDrawn:
 
 
 @dataclass(frozen=True, slots=True)
+class ZoneErased:
+    """A zone that is no longer there, says a person. It comes back when it hits again."""
+
+    zone_id: str
+    author: str = "operator"
+    type: Literal["zone_erased"] = "zone_erased"
+
+
+@dataclass(frozen=True, slots=True)
 class TargetPrior:
     """Prior knowledge: a target's believed start, position and covariance."""
 
@@ -151,6 +160,7 @@ Observation = (
     | TrackReport
     | Comment
     | ZoneDrawn
+    | ZoneErased
     | TargetPrior
     | HoldChange
 )

@@ -155,6 +155,8 @@ class Solution:
     iterations: int
     solve_s: float
     engine: str
+    late: bool = False
+    """Whether wall time may have ended it: then the same problem may give another plan."""
 
 
 class Engine(Protocol):

@@ -37,6 +37,14 @@ def noise_variances(model: SensorModel, range_m: float) -> tuple[float, float]:
     )
 
 
+def variances(model: SensorModel, squared_distance: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the variances of range (m^2) and bearing (rad^2) for p'p of any shape."""
+    rho = np.sqrt(squared_distance + TARGET_FLOOR_M**2)
+    along = model.range_peak * np.exp(-model.range_shape * rho)
+    across = model.bearing_peak * np.exp(-model.bearing_shape * rho)
+    return 1.0 / np.maximum(along, LEAST_PRECISION), 1.0 / np.maximum(across, LEAST_PRECISION)
+
+
 def wrapped(angle: FloatArray) -> FloatArray:
     """Return angles (rad) brought into [-pi, pi)."""
     return (angle + math.pi) % (2.0 * math.pi) - math.pi

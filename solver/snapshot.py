@@ -1,5 +1,6 @@
 """The snapshot: everything the team knows at a tick. Immutable; everybody reads it."""
 
+import math
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -7,7 +8,7 @@ from solver.arrays import BoolArray, FloatArray
 from solver.directives import CommentVerdict, Directives
 from solver.observations import Attack, Comment, HoldState, Link
 from solver.problem import Rung
-from solver.zones import Zone
+from solver.zones import Matrix2, Zone
 
 
 class TrackStatus(StrEnum):
@@ -97,6 +98,14 @@ class CommentReceipt:
     action: CommentVerdict | None = None
     action_reason: str = ""
     expired: bool = False
+    task_feedback: str = ""
+    """The task model's words to people, said with its answer."""
+
+    task_proposal: str = ""
+    """Id of the proposal that answered it: the decision on it tells what was changed."""
+
+    action_feedback: str = ""
+    action_proposal: str = ""
 
     @property
     def status(self) -> str:
@@ -111,6 +120,33 @@ class CommentReceipt:
         if self.expired:
             return "expired"
         return "considered" if verdicts else "received"
+
+
+@dataclass(frozen=True, slots=True)
+class InferredZone:
+    """What is known of a zone that was inferred from failures, beside the zone it is taken for."""
+
+    zone_id: str
+    confidence: float
+    """Probability that there is such a zone."""
+
+    centre_covariance: Matrix2
+    """How uncertain the centre is, m^2."""
+
+    extent: Matrix2
+    """Covariance of the density of attacks itself, m^2; the zone's is this and the doubt."""
+
+    strength: float
+    """Factor on the density that the law of attacks would have."""
+
+    strength_deviation: float
+    since_s: float
+    """Mission time at which it was first suspected."""
+
+    @property
+    def centre_deviation_m(self) -> float:
+        """How far the centre may be off: root mean square, metres."""
+        return math.sqrt(self.centre_covariance[0][0] + self.centre_covariance[1][1])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -144,3 +180,6 @@ class Snapshot:
     guidance_age_s: float
     closed: tuple[CommentReceipt, ...] = ()
     """Comments that lately expired or were withdrawn, oldest first; for people only."""
+
+    inferred: tuple[InferredZone, ...] = ()
+    """Of the zones, those that were inferred from failures."""

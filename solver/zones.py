@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
-from scipy.special import erfinv
 
 from solver.arrays import FloatArray
 
@@ -53,11 +52,11 @@ class Zone:
 
         It is sqrt(2) erfinv(1 - 2 risk), times the square root of the severity.
         """
-        return float(np.sqrt(2.0 * severity) * erfinv(1.0 - 2.0 * self.risk))
+        return _quantile(self.risk, severity)
 
     def quantile_single(self, severity: float = 1.0) -> float:
         """Return the same factor at the risk accepted by a robot that plans alone."""
-        return float(np.sqrt(2.0 * severity) * erfinv(1.0 - 2.0 * self.risk_single))
+        return _quantile(self.risk_single, severity)
 
     def density(self, points: FloatArray) -> FloatArray:
         """Return the Gaussian density at points of shape (..., 2), shape (...), 1/m^2."""
@@ -67,3 +66,11 @@ class Zone:
         mahalanobis = np.einsum("...i,...i->...", offset, solved)
         scale = 2.0 * np.pi * np.sqrt(np.linalg.det(covariance))
         return np.asarray(np.exp(-0.5 * mahalanobis) / scale)
+
+
+def _quantile(risk: float, severity: float) -> float:
+    # Whoever only reads, draws or simulates zones never asks: importing SciPy takes longer than
+    # the rest of the vocabulary. Planners have imported it with the objective.
+    from scipy.special import erfinv
+
+    return float(np.sqrt(2.0 * severity) * erfinv(1.0 - 2.0 * risk))

@@ -6,14 +6,21 @@ created and not before.
 
 from collections.abc import Callable
 from importlib import import_module
+from typing import TYPE_CHECKING
 
-from solver.problem import Engine
+if TYPE_CHECKING:
+    # Who only asks for a name or for the error does not pay for the vocabulary.
+    from solver.problem import Engine
 
 _CLASSES = {
     "fast": ("solver.engines.fast", "FastEngine"),
     "sqp": ("solver.engines.sqp", "SqpEngine"),
     "ipopt": ("solver.engines.ipopt", "IpoptEngine"),
 }
+DEFAULT = "default"
+
+_MACHINE_CODE = {"fast": ("solver.engines.fast.compiled", "compiled")}
+"""What loads an engine's compiled routine, or compiles it where no cache is found."""
 
 
 class EngineUnavailable(Exception):
@@ -25,7 +32,7 @@ def names() -> tuple[str, ...]:
     return tuple(_CLASSES)
 
 
-def create(name: str) -> Engine:
+def create(name: str) -> "Engine":
     """Return a new engine.
 
     Raises:
@@ -39,6 +46,21 @@ def create(name: str) -> Engine:
     except (ImportError, AttributeError) as error:
         raise EngineUnavailable(f"engine {name!r} cannot run here: {error}") from error
     return build()
+
+
+def preload(name: str) -> None:
+    """Load an engine's libraries, and the machine code that its first solve would load.
+
+    `name` may be DEFAULT, for the engine to use where nobody chose one.
+
+    Raises:
+        EngineUnavailable: As for `create`.
+    """
+    name = default_engine() if name == DEFAULT else name
+    create(name)
+    if name in _MACHINE_CODE:
+        module, attribute = _MACHINE_CODE[name]
+        getattr(import_module(module), attribute)()
 
 
 def default_engine() -> str:

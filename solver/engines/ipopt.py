@@ -48,8 +48,9 @@ class IpoptEngine:
 
     name = "ipopt"
 
-    def __init__(self) -> None:
-        self._built: Recent[tuple[Shape, Budget], _Built] = Recent(_KEPT)
+    def __init__(self, kept: int = _KEPT) -> None:
+        """Make an engine that keeps the solvers of so many shapes."""
+        self._built: Recent[tuple[Shape, Budget], _Built] = Recent(kept)
 
     def solve(self, problem: Problem, budget: Budget) -> Solution:
         """Return the local optimum reached from the warm start.
@@ -108,7 +109,17 @@ class IpoptEngine:
         )
 
     def best_of_starts(self, problem: Problem, count: int, seed: int = 0) -> Solution:
-        """Return the best optimum from `count` starts: the last plan, rest, and random ones.
+        """Return the best optimum of `every_start`, with the iterations of them all.
+
+        Raises:
+            ExceptionGroup: No start led to finite controls; holds each start's `EngineFailed`.
+        """
+        found = self.every_start(problem, count, seed)
+        best = min(found, key=lambda solution: solution.objective)
+        return replace(best, iterations=sum(solution.iterations for solution in found))
+
+    def every_start(self, problem: Problem, count: int, seed: int = 0) -> list[Solution]:
+        """Return the optima from `count` starts: the last plan, rest, and random ones.
 
         Raises:
             ExceptionGroup: No start led to finite controls; holds each start's `EngineFailed`.
@@ -131,8 +142,7 @@ class IpoptEngine:
                 failures.append(failure)
         if not found:
             raise ExceptionGroup("no start led anywhere", failures)
-        best = min(found, key=lambda solution: solution.objective)
-        return replace(best, iterations=sum(solution.iterations for solution in found))
+        return found
 
 
 def _build(shape: Shape, budget: Budget) -> _Built:

@@ -8,7 +8,7 @@ from scipy.optimize import minimize_scalar
 
 from solver import estimation
 from solver.arrays import FloatArray
-from solver.estimation import Beliefs, FilterSettings, MotionModel
+from solver.beliefs import Beliefs, FilterSettings, MotionModel
 from solver.observations import OnboardTrack
 
 WALK = FilterSettings()

@@ -6,7 +6,7 @@ from scipy.stats import chi2
 
 from solver import estimation
 from solver.arrays import FloatArray
-from solver.estimation import Beliefs, FilterSettings
+from solver.beliefs import Beliefs, FilterSettings
 from solver.observations import Detections, Sighting
 from solver.problem import SensorModel
 from solver.sensing import noise_variances, predicted, wrapped

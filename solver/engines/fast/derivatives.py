@@ -1,4 +1,4 @@
-"""One robot's own problem as the kernels see it, for tests and for people who tune."""
+"""One robot's own problem, or the team's, as the kernels see it: for tests and for tuning."""
 
 from collections.abc import Callable
 from functools import cache
@@ -11,6 +11,7 @@ from solver.arrays import FloatArray
 from solver.engines.fast.compiled import compile_cached
 from solver.engines.fast.jit import kernel
 from solver.engines.fast.layout import Team
+from solver.engines.fast.newton import WHOLE_TEAM, differentiate, evaluate, own_controls
 from solver.engines.fast.packing import packed
 from solver.engines.fast.request import (
     Hazards,
@@ -20,15 +21,16 @@ from solver.engines.fast.request import (
     Targets,
     request_types,
 )
-from solver.engines.fast.robot import cost, expand, gather
+from solver.engines.fast.robot import gather
 from solver.engines.fast.routine import begin
 from solver.engines.fast.tables import assemble
 from solver.problem import Budget, Problem
 
+Derivatives = tuple[float, float, FloatArray, FloatArray]
+"""Cost by the search's kernel, cost by the expansion's, gradient, Hessian."""
 
-def local_derivatives(
-    problem: Problem, controls: FloatArray, robot: int
-) -> tuple[float, float, FloatArray, FloatArray]:
+
+def local_derivatives(problem: Problem, controls: FloatArray, robot: int) -> Derivatives:
     """Return what the kernels compute for one robot with the others' controls fixed.
 
     Args:
@@ -37,11 +39,18 @@ def local_derivatives(
         robot: Index of the robot.
 
     Returns:
-        Cost by the search's kernel, cost by the expansion's, gradient (2H,), Hessian (2H, 2H).
+        Gradient (2H,) and Hessian (2H, 2H).
     """
-    result: tuple[float, float, FloatArray, FloatArray] = _compiled()(
-        *packed(problem, controls, Budget()), robot
-    )
+    result: Derivatives = _compiled()(*packed(problem, controls, Budget()), robot)
+    return result
+
+
+def joint_derivatives(problem: Problem, controls: FloatArray) -> Derivatives:
+    """Return the same for all controls together: (2HM,) and (2HM, 2HM), robot by robot.
+
+    The team must be small enough to be improved as a whole (`tables.fits_jointly`).
+    """
+    result: Derivatives = _compiled()(*packed(problem, controls, Budget()), WHOLE_TEAM)
     return result
 
 
@@ -60,22 +69,32 @@ def local(
     safety: Safety,
     start: Start,
     robot: int,
-) -> tuple[float, float, FloatArray, FloatArray]:
-    """Expand one robot's problem at the given plans."""
+) -> Derivatives:
+    """Expand one robot's problem, or the team's, at the given plans."""
     team = assemble(movement, targets, sensing, communication, safety, start)
     begin(team, start.previous)
-    size = 2 * team.setting[0].steps
-    rows = gather(team, robot)
-    searched = cost(team, robot, rows, team.robots[robot].plan)
-    value = expand(team, robot, rows, team.robots[robot].plan)
+    size = own_controls(team, robot)
+    rows = gather(team, robot) if robot != WHOLE_TEAM else 0
+    u = np.empty(size)
+    _copy_plans(team, robot, u)
+    searched = evaluate(team, robot, rows, u)
+    value = differentiate(team, robot, rows, u)
     gradient, hessian = np.empty(size), np.empty((size, size))
-    _copy_out(team, gradient, hessian)
+    _copy_out(team, robot, gradient, hessian)
     return searched, value, gradient, hessian
 
 
 @kernel
-def _copy_out(team: Team, gradient: FloatArray, hessian: FloatArray) -> None:
-    work = team.work[0]
+def _copy_plans(team: Team, robot: int, u: FloatArray) -> None:
+    size = 2 * team.setting[0].steps
+    first = 0 if robot == WHOLE_TEAM else robot
+    for at in range(u.shape[0]):
+        u[at] = team.robots[first + at // size].plan[at % size]
+
+
+@kernel
+def _copy_out(team: Team, robot: int, gradient: FloatArray, hessian: FloatArray) -> None:
+    work = team.work[1 if robot == WHOLE_TEAM else 0]
     for row in range(gradient.shape[0]):
         gradient[row] = work.gradient[row]
         for column in range(gradient.shape[0]):

@@ -1,7 +1,23 @@
-"""Squared hinges of a gap g that depends on one position: weight max(0, -g)^2."""
+"""Squared hinges of a gap g that depends on one position: weight max(0, -g)^2.
+
+A hinge that is off shows neither slope nor curvature, and a Newton step that knows nothing of
+it goes far too deep. Where a step failed, the hinges that it would have closed are taken for
+closed (springs: weight g^2 on both sides) and the step is aimed anew (`guards.py`).
+"""
 
 from solver.engines.fast.jit import inlined
 from solver.engines.fast.layout import Table
+
+
+@inlined
+def bears(work: Table, gap: float, change: float) -> bool:
+    """Return whether a hinge counts: it is closed, or the change of the gap would close it."""
+    if gap < 0.0:
+        return True
+    if gap + change < 0.0:
+        work.springs += 1
+        return True
+    return False
 
 
 @inlined

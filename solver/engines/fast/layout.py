@@ -18,18 +18,26 @@ from solver.arrays import FloatArray, IntArray
 
 MAX_STEPS = 10
 MAX_SIZE = 2 * MAX_STEPS
+MAX_JOINT = 48
+"""Most unknowns of a team whose robots are improved together as well (`joint.py`): the work
+grows with their cube, and at 80 it costs as much as all sweeps."""
+
 CHAIN = 31
 """Columns of the scratch of `tracking.py`."""
 
-CHOICES = 3
+CHOICES = 4
 """Probe starts that are followed up per round."""
+
+COARSE = 3
+"""Points per axis of the coarse grid of constant plans."""
 
 Table: TypeAlias = Any
 """A structured array: its elements have the fields of one of the types below."""
 
 _PER_STEP = (MAX_STEPS, 2)
 _VECTOR = (MAX_SIZE,)
-_MATRIX = (MAX_SIZE, MAX_SIZE)
+_JOINT = (MAX_JOINT,)
+_MATRIX = (MAX_JOINT, MAX_JOINT)
 
 SETTING = np.dtype(
     [
@@ -63,6 +71,7 @@ ROBOT = np.dtype(
         ("upper", "f8", _VECTOR),
         ("plan", "f8", _VECTOR),  # controls as they stand
         ("path", "f8", _PER_STEP),  # where they lead
+        ("shift", "f8", _PER_STEP),  # what a step would change of that, see `guards.py`
         ("sees", "i8", (2,)),  # rows of the lists named alike
         ("keeps", "i8", (2,)),
         ("jams", "i8", (2,)),
@@ -71,7 +80,9 @@ ROBOT = np.dtype(
         ("near", "i8", (2,)),
         ("discs", "i8", (2,)),
         ("stale", "?"),  # not converged, or its problem has changed since
-        ("thorough", "?"),  # looks at every kind of probe start
+        ("curious", "?"),  # its problem has changed since it looked at fresh starts
+        ("jumped", "?"),  # a fresh start took its plan's place
+        ("effort", "i8"),  # spent on fresh starts, see `probes.py`
         ("replan", "?"),  # which takes the plan's place without hysteresis
         ("taken", "i8"),  # Newton steps
     ],
@@ -128,14 +139,18 @@ ROW = np.dtype(
 
 WORK = np.dtype(
     [
-        ("u", "f8", _VECTOR),
-        ("trial", "f8", _VECTOR),
+        ("u", "f8", _JOINT),
+        ("lower", "f8", _JOINT),  # hard box of whoever is at work
+        ("upper", "f8", _JOINT),
+        ("trial", "f8", _JOINT),
         ("best", "f8", _VECTOR),
         ("base", "f8", _VECTOR),  # the plan that probe starts depart from
+        ("kept", "f8", _JOINT),  # the team's plans while others are tried
         ("choices", "i8", (CHOICES,)),  # numbers of the most promising ones
         ("prices", "f8", (CHOICES,)),  # their costs
-        ("direction", "f8", _VECTOR),
-        ("gradient", "f8", _VECTOR),  # by controls
+        ("grid", "f8", (COARSE**4,)),  # costs of a pair's constant plans
+        ("direction", "f8", _JOINT),
+        ("gradient", "f8", _JOINT),  # by controls
         ("path", "f8", _PER_STEP),
         ("speeds", "f8", _PER_STEP),
         ("slope", "f8", _PER_STEP),  # gradient by positions
@@ -143,12 +158,14 @@ WORK = np.dtype(
         ("speed_bend", "f8", _PER_STEP),  # first and second derivative by velocities
         ("bend", "f8", _MATRIX),  # Hessian, by positions first, then by controls
         ("factor", "f8", _MATRIX),
-        ("vector", "f8", _VECTOR),
-        ("values", "f8", _VECTOR),
-        ("free", "i8", _VECTOR),
-        ("order", "i8", _VECTOR),
-        ("pairs", "i8", _VECTOR),
+        ("vector", "f8", _JOINT),
+        ("values", "f8", _JOINT),
+        ("free", "i8", _JOINT),
+        ("order", "i8", _JOINT),
+        ("pairs", "i8", _JOINT),
         ("chain", "f8", (MAX_STEPS, CHAIN)),  # one target's covariances along the horizon
+        ("twin", "f8", (MAX_STEPS, CHAIN)),  # the same as a team mate sees it
+        ("springs", "i8"),  # hinges that the shifts would close
         ("timespec", "i8", (2,)),
     ],
     align=True,
@@ -201,7 +218,7 @@ class Team(NamedTuple):
     """(K, 2)."""
 
     work: Table
-    """(1,) WORK."""
+    """(1,) WORK of the robot at work; (2,) where the team can be at work as a whole."""
 
     others: FloatArray
     """(D, H, 3) information of the others on each target of the robot at work."""

@@ -1,4 +1,6 @@
-"""Projected Newton on one robot's own problem (Bertsekas 1982, two-metric projection)."""
+"""Projected Newton (Bertsekas 1982, two-metric projection): one robot's problem or the team's."""
+
+from math import inf
 
 from solver.arrays import FloatArray
 from solver.engines.fast.clock import now
@@ -8,8 +10,10 @@ from solver.engines.fast.factors import (
     solve_absolute,
     substitute,
 )
+from solver.engines.fast.guards import forget_shift, note_shift
 from solver.engines.fast.jit import kernel, merged
-from solver.engines.fast.layout import Team
+from solver.engines.fast.joint import expand_joint, joint_cost
+from solver.engines.fast.layout import Table, Team
 from solver.engines.fast.robot import cost, expand
 
 TOLERANCE = 1e-7
@@ -19,39 +23,66 @@ _OPTIMISM = 4.0
 """How many times the decrease predicted by one Newton step may still be ahead."""
 
 _ARMIJO = 1e-4
-_TRIALS = 4
+_TRIALS = 2
 """Halvings of a step; beyond them the direction is bent towards the gradient instead.
 
 A hinge that is just off shows no curvature and lets a step be far too long in its direction
 alone: shortening the whole step would stop all the others with it.
 """
 
+_DAMPED_TRIALS = 1
+"""A damped step that is too long is damped more, which turns it as well as shortens it."""
+
 _LEAST_DAMPING = 1e-3
 """First damping, relative to the largest curvature. It grows and shrinks by tens."""
+
+_MEETING = 0.02
+"""A fresh start that comes nearer to the plan to be beaten than this part of the box has lost."""
 
 _DAMPINGS = 8
 _GIVEN_UP = 1e-10
 """A damped step that promises less than this part of the cost ends the iterations."""
 
 
+WHOLE_TEAM = -1
+"""In place of a robot: all controls together (`joint.py`), scratch in team.work[1]."""
+
+
 @kernel
-def _find_free(team: Team, i: int, u: FloatArray) -> int:
+def own_controls(team: Team, i: int) -> int:
+    """Fill the bounds of whoever is at work; return the number of their controls."""
+    size: int = 2 * team.setting[0].steps
+    if i != WHOLE_TEAM:
+        _copy_bounds(team.robots[i], team.work[0], 0, size)
+        return size
+    for mate in range(team.robots.shape[0]):
+        _copy_bounds(team.robots[mate], team.work[1], mate * size, size)
+    return size * len(team.robots)
+
+
+@kernel
+def _copy_bounds(robot: Table, work: Table, first: int, size: int) -> None:
+    for at in range(size):
+        work.lower[first + at] = robot.lower[at]
+        work.upper[first + at] = robot.upper[at]
+
+
+@kernel
+def _find_free(work: Table, u: FloatArray, size: int) -> int:
     """List the controls that are not held at a bound by their gradient."""
-    robot, work = team.robots[i], team.work[0]
     count = 0
-    for at in range(2 * team.setting[0].steps):
+    for at in range(size):
         slope = work.gradient[at]
         work.direction[at] = 0.0
-        if (slope > 0.0 and u[at] > robot.lower[at]) or (slope < 0.0 and u[at] < robot.upper[at]):
+        if (slope > 0.0 and u[at] > work.lower[at]) or (slope < 0.0 and u[at] < work.upper[at]):
             work.free[count] = at
             count += 1
     return count
 
 
 @kernel
-def _largest(team: Team, count: int) -> float:
+def _largest(work: Table, count: int) -> float:
     """Return the largest curvature along a free control."""
-    work = team.work[0]
     largest = 0.0
     for row in range(count):
         largest = max(largest, abs(work.bend[work.free[row], work.free[row]]))
@@ -59,12 +90,11 @@ def _largest(team: Team, count: int) -> float:
 
 
 @kernel
-def _aim(team: Team, count: int, damping: float) -> float:
+def _aim(work: Table, count: int, damping: float) -> float:
     """Fill the direction -|H + damping|^-1 g over the free controls.
 
     Returns the decrease predicted.
     """
-    work = team.work[0]
     factor, vector, free, bend = work.factor, work.vector, work.free, work.bend
     for row in range(count):
         vector[row] = -work.gradient[free[row]]
@@ -88,21 +118,34 @@ def _aim(team: Team, count: int, damping: float) -> float:
 
 
 @merged
-def _search(team: Team, i: int, rows: int, u: FloatArray, start: float) -> float:
+def evaluate(team: Team, i: int, rows: int, u: FloatArray) -> float:
+    """Return the cost of whoever is at work."""
+    return cost(team, i, rows, u) if i != WHOLE_TEAM else joint_cost(team, u)
+
+
+@merged
+def differentiate(team: Team, i: int, rows: int, u: FloatArray) -> float:
+    """Return the same, gradient and Hessian filled."""
+    return expand(team, i, rows, u) if i != WHOLE_TEAM else expand_joint(team, u)
+
+
+@merged
+def _search(
+    team: Team, i: int, rows: int, u: FloatArray, start: float, size: int, trials: int
+) -> float:
     """Move u along the projected arc until the cost has decreased enough; return the cost.
 
     u stays as it was, and `start` is returned, where no step decreases it.
     """
-    robot, work = team.robots[i], team.work[0]
-    size = 2 * team.setting[0].steps
+    work = team.work[1 if i == WHOLE_TEAM else 0]
     length = 1.0
-    for _ in range(_TRIALS):
+    for _ in range(trials):
         slope = 0.0
         for at in range(size):
             value = u[at] + length * work.direction[at]
-            work.trial[at] = min(max(value, robot.lower[at]), robot.upper[at])
+            work.trial[at] = min(max(value, work.lower[at]), work.upper[at])
             slope += work.gradient[at] * (u[at] - work.trial[at])
-        reached = cost(team, i, rows, work.trial)
+        reached = evaluate(team, i, rows, work.trial)
         if reached < start - _ARMIJO * max(slope, 0.0):
             for at in range(size):
                 u[at] = work.trial[at]
@@ -111,34 +154,84 @@ def _search(team: Team, i: int, rows: int, u: FloatArray, start: float) -> float
     return start
 
 
-@merged
+@kernel
+def _meets(work: Table, i: int, u: FloatArray, size: int) -> bool:
+    """Return whether u has come so near the plan to be beaten that it would end there."""
+    for at in range(size):
+        known = work.best[at] if i != WHOLE_TEAM else work.kept[at]
+        if abs(u[at] - known) > _MEETING * (work.upper[at] - work.lower[at]):
+            return False
+    return True
+
+
+@kernel
+def _guarded(team: Team, i: int, rows: int, u: FloatArray, start: float, size: int) -> float:
+    """Search once more with the hinges closed that the failed direction runs into.
+
+    Returns the cost; where nothing came of it, that is `start` and the derivatives are as
+    they were.
+    """
+    work = team.work[1 if i == WHOLE_TEAM else 0]
+    own = 2 * team.setting[0].steps
+    for first in range(0, size, own):
+        note_shift(team, i if i != WHOLE_TEAM else first // own, work, u, first)
+    team.work[0].springs = 0
+    differentiate(team, i, rows, u)
+    for first in range(0, size, own):
+        forget_shift(team, i if i != WHOLE_TEAM else first // own)
+    reached = start
+    if team.work[0].springs > 0:
+        count = _find_free(work, u, size)
+        if count > 0 and _aim(work, count, 0.0) > 0.0:
+            reached = _search(team, i, rows, u, start, size, _TRIALS)
+        if not reached < start:
+            differentiate(team, i, rows, u)
+    return reached
+
+
+@kernel
 def descend(
     team: Team, i: int, rows: int, u: FloatArray, most: int, goal: float, deadline: float
 ) -> tuple[float, float, int, bool]:
     """Improve u (2H,) by at most `most` Newton steps, while the cost may still end below `goal`.
 
+    A finite goal is what the plan in work.best costs, or the team's in work.kept.
+
+    For the whole team u has 2HM controls, and whatever was tried last stands as the plans.
     Returns the cost before and after, the steps taken, and whether it has converged.
     """
-    value = before = expand(team, i, rows, u)
+    work = team.work[1 if i == WHOLE_TEAM else 0]
+    size = own_controls(team, i)
+    value = before = differentiate(team, i, rows, u)
     damping = 0.0
     for step in range(most):
-        count = _find_free(team, i, u)
-        reached = value
+        count = _find_free(work, u, size)
+        reached, predicted = value, 0.0
         for _ in range(_DAMPINGS):
-            predicted = _aim(team, count, damping) if count > 0 else 0.0
+            predicted = _aim(work, count, damping) if count > 0 else 0.0
             if not predicted > (TOLERANCE if damping == 0.0 else _GIVEN_UP) * value:
                 return before, value, step, True
             if value - _OPTIMISM * predicted > goal and damping == 0.0:
                 return before, value, step, False
-            reached = _search(team, i, rows, u, value)
+            trials = _TRIALS if damping == 0.0 else _DAMPED_TRIALS
+            reached = _search(team, i, rows, u, value, size, trials)
             if reached < value:
                 break
-            damping = max(10.0 * damping, _LEAST_DAMPING * _largest(team, count))
+            if damping == 0.0:
+                reached = _guarded(team, i, rows, u, value, size)
+                if reached < value:
+                    break
+                count = _find_free(work, u, size)
+            damping = max(10.0 * damping, _LEAST_DAMPING * _largest(work, count))
         if not reached < value:
             return before, value, step, True
+        promise = value - reached > 0.5 * predicted
         value = reached
         if step + 1 == most or now(team.work[0].timespec) > deadline:
             return before, value, step + 1, False
-        damping = 0.1 * damping if damping > _LEAST_DAMPING * _largest(team, count) else 0.0
-        value = expand(team, i, rows, u)
+        if goal < inf and _meets(work, i, u, size):
+            return before, value, step + 1, False
+        if promise:
+            damping = 0.1 * damping if damping > _LEAST_DAMPING * _largest(work, count) else 0.0
+        value = differentiate(team, i, rows, u)
     return before, value, most, False

@@ -5,7 +5,7 @@ what is left out is constant in the robot's own controls (2H,).
 """
 
 from solver.arrays import FloatArray
-from solver.engines.fast.jit import kernel, merged
+from solver.engines.fast.jit import kernel
 from solver.engines.fast.layout import Team
 from solver.engines.fast.limits import add_limits, limits_cost
 from solver.engines.fast.rollout import pull_back, roll
@@ -22,7 +22,7 @@ from solver.engines.fast.tracking import (
 from solver.engines.fast.zones import add_keep_out, keep_out_cost
 
 
-@merged
+@kernel
 def gather(team: Team, i: int) -> int:
     """Collect what the other robots fix in robot i's problem, return the number of rows."""
     gather_information(team, i)
@@ -76,6 +76,13 @@ def settle(team: Team, i: int, u: FloatArray) -> None:
             robot.path[k, axis] = path[k, axis]
     refresh_information(team, i)
     refresh_clearance(team, i)
+
+
+@kernel
+def copy_plan(team: Team, source: FloatArray, target: FloatArray) -> None:
+    """Fill target (2H,) with the controls in source."""
+    for at in range(2 * team.setting[0].steps):
+        target[at] = source[at]
 
 
 @kernel

@@ -34,8 +34,6 @@ def pull_back(team: Team) -> None:
     setting, work = team.setting[0], team.work[0]
     h, steps, double = setting.step, setting.steps, setting.double
     half = 0.5 * h * h
-    size = 2 * steps
-    bend = work.bend
     for axis in range(2):
         by_x = by_v = 0.0
         for k in range(steps - 1, -1, -1):
@@ -44,6 +42,19 @@ def pull_back(team: Team) -> None:
             by_x += work.slope[k, axis]
             pulled = half * by_x + h * by_v if double else h * by_x
             work.gradient[2 * k + axis] += pulled
+    pull_bend(team)
+    if double:
+        _add_speed_bend(team)
+
+
+@kernel
+def pull_bend(team: Team) -> None:
+    """Turn work.bend (2H, 2H) by two paths into that by the controls that lead along them."""
+    setting, bend = team.setting[0], team.work[0].bend
+    h, double = setting.step, setting.double
+    half = 0.5 * h * h
+    size = 2 * setting.steps
+    for axis in range(2):
         for column in range(size):
             by_x = by_v = 0.0
             for row in range(size - 2 + axis, -1, -2):
@@ -57,8 +68,6 @@ def pull_back(team: Team) -> None:
                 by_v += h * by_x
                 by_x += bend[row, column]
                 bend[row, column] = half * by_x + h * by_v if double else h * by_x
-    if double:
-        _add_speed_bend(team)
 
 
 @merged

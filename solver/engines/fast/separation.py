@@ -2,7 +2,7 @@
 
 from math import sqrt
 
-from solver.engines.fast.hinges import add_hinge
+from solver.engines.fast.hinges import add_hinge, bears
 from solver.engines.fast.jit import inlined, kernel
 from solver.engines.fast.layout import Table, Team
 
@@ -51,26 +51,32 @@ def discs_cost(team: Team, i: int) -> float:
 def add_separation(team: Team, i: int) -> float:
     """Add the derivatives of both by the path, return their sum."""
     setting, robot, work = team.setting[0], team.robots[i], team.work[0]
-    path = work.path
+    path, shift = work.path, robot.shift
     total = 0.0
     for entry in range(robot.near[0], robot.near[1]):
-        mate = team.robots[team.near[entry]].path
+        mate = team.robots[team.near[entry]]
         for k in range(setting.steps):
-            total += _add_one(setting, work, k, path[k, 0] - mate[k, 0], path[k, 1] - mate[k, 1])
+            dx, dy = path[k, 0] - mate.path[k, 0], path[k, 1] - mate.path[k, 1]
+            sx, sy = shift[k, 0] - mate.shift[k, 0], shift[k, 1] - mate.shift[k, 1]
+            total += _add_one(setting, work, k, dx, dy, sx, sy)
     for entry in range(robot.discs[0], robot.discs[1]):
         x, y = team.obstacles[team.discs[entry], 0], team.obstacles[team.discs[entry], 1]
         for k in range(setting.steps):
-            total += _add_one(setting, work, k, path[k, 0] - x, path[k, 1] - y)
+            dx, dy = path[k, 0] - x, path[k, 1] - y
+            total += _add_one(setting, work, k, dx, dy, shift[k, 0], shift[k, 1])
     return total
 
 
 @kernel
-def _add_one(setting: Table, work: Table, k: int, dx: float, dy: float) -> float:
+def _add_one(
+    setting: Table, work: Table, k: int, dx: float, dy: float, sx: float, sy: float
+) -> float:
+    """Add the derivatives at the offset (dx, dy), which is about to change by (sx, sy)."""
     length = sqrt(dx * dx + dy * dy + setting.smooth * setting.smooth)
     gap = length - setting.smooth - setting.distance
-    if gap >= 0.0:
-        return 0.0
     gx, gy = dx / length, dy / length
+    if not bears(work, gap, gx * sx + gy * sy):
+        return 0.0
     xx, xy, yy = (1.0 - gx * gx) / length, -gx * gy / length, (1.0 - gy * gy) / length
     add_hinge(work, k, 2.0 * setting.separation, gap, gx, gy, xx, xy, yy)
-    return float(setting.separation * gap * gap)
+    return float(setting.separation * min(gap, 0.0) ** 2)

@@ -1,25 +1,29 @@
 """Gauss-Seidel sweeps over the team: each robot improves its plan, the others' as they stand.
 
-Every accepted step lowers the team's objective and stays inside the hard box, so the plans
-are feasible and no worse than the start whenever the sweeps are stopped. A robot whose own
-problem nobody has changed since it converged is not visited again.
+Small teams whose robots depend on each other take Newton steps on all plans together between
+the sweeps. Every accepted step lowers the team's objective and stays inside the hard box, so
+the plans are feasible and no worse than the start whenever the sweeps are stopped. A robot
+whose own problem nobody has changed since it converged is not visited again.
 """
 
 from math import inf
 
-from solver.arrays import FloatArray
 from solver.engines.fast.clock import now
 from solver.engines.fast.jit import kernel, merged
-from solver.engines.fast.layout import CHOICES, Team
-from solver.engines.fast.newton import TOLERANCE, descend
+from solver.engines.fast.joint import place, read_plans
+from solver.engines.fast.layout import Team
+from solver.engines.fast.newton import TOLERANCE, WHOLE_TEAM, descend
+from solver.engines.fast.pairings import probe_pairs
 from solver.engines.fast.probes import (
     HYSTERESIS,
     ROUNDS,
     THOROUGH_TEAM,
+    TIRELESS,
+    breadth,
     fresh_start,
     rank_starts,
 )
-from solver.engines.fast.robot import gather, settle
+from solver.engines.fast.robot import copy_plan, gather, settle
 
 _SWEEPS = 6
 _SMALL_TEAM_SWEEPS = 12
@@ -30,33 +34,114 @@ _FIRST_STEPS = 20
 _LATER_STEPS = 8
 """Newton steps per visit."""
 
+_PASSES = 2
+"""Times that tireless robots look at fresh starts, the later ones where one won."""
+
+_PAIRINGS = 2
+"""Times that pairs look at fresh starts at one step, the later ones where one won. Further ahead
+it cost half as much again as all the rest, and next to nothing was found."""
+
+_JOINT_STEPS = 12
+"""Newton steps on all robots' plans together, between two sweeps."""
+
 
 @merged
 def improve(team: Team, objective: float, iterations: int, deadline: float) -> bool:
     """Sweep until converged (True), out of steps, or late."""
     count = team.robots.shape[0]
     # Large teams probe when everybody has a plan; small ones save the second visit.
-    probing, sweeps = 1, _SWEEPS
+    probing, sweeps, passes = 1, _SWEEPS, 1
     if count <= THOROUGH_TEAM:
         probing, sweeps = 0, _SMALL_TEAM_SWEEPS
+    single = team.setting[0].steps == 1
+    if count > 0 and (single or team.robots[0].effort == TIRELESS):
+        passes = _PASSES
+    pairs = _PAIRINGS if single else 0
     shift = _shift(team)
     for sweep in range(sweeps):
+        probes = sweep == probing
         decrease = 0.0
         most = _FIRST_STEPS if sweep == 0 else _LATER_STEPS
-        stale = False
         for turn in range(count):
             i = (turn + shift) % count
             robot = team.robots[i]
-            if robot.stale or sweep == probing:
+            looks = probes and robot.curious
+            if robot.stale or looks:
                 if robot.taken >= iterations or now(team.work[0].timespec) > deadline:
                     return False
-                rounds = ROUNDS if sweep == probing else 0
+                rounds = ROUNDS if looks else 0
                 decrease += visit(team, i, min(most, iterations - robot.taken), rounds, deadline)
-            stale = stale or robot.stale
         objective -= decrease
-        if sweep >= probing and decrease <= RELATIVE_DECREASE * objective:
-            return True
-    return not stale
+        if sweep < probing:
+            continue
+        converged = decrease <= RELATIVE_DECREASE * objective or _is_fresh(team)
+        if not converged and team.work.shape[0] > 1:
+            objective, converged = _together(team, iterations, deadline)
+        passes -= probes
+        if converged and passes > 0 and _jumped(team):
+            # Somebody's better valley may have opened one for a mate.
+            probing = sweep + 1
+        elif converged:
+            before, objective = objective, _paired(team, objective, iterations, deadline, pairs)
+            if not objective < before:
+                return True
+            pairs -= 1
+            passes = 1
+            probing = sweep + 1
+    return _is_fresh(team)
+
+
+@merged
+def _paired(
+    team: Team,
+    objective: float,
+    iterations: int,
+    deadline: float,
+    wanted: int,
+) -> float:
+    """Return the objective after fresh starts of pairs, if they are wanted and can be tried."""
+    if wanted > 0 and team.work.shape[0] > 1 and team.near.shape[0] > 0:
+        return probe_pairs(team, objective, iterations, deadline)
+    return objective
+
+
+@kernel
+def _jumped(team: Team) -> bool:
+    """Return whether a fresh start took any robot's plan's place; forget it."""
+    found = False
+    for i in range(team.robots.shape[0]):
+        found = found or team.robots[i].jumped
+        team.robots[i].jumped = False
+    return found
+
+
+@kernel
+def _is_fresh(team: Team) -> bool:
+    """Return whether every robot has converged and nobody has changed its problem since."""
+    fresh = True
+    for i in range(team.robots.shape[0]):
+        fresh = fresh and not team.robots[i].stale
+    return fresh
+
+
+@merged
+def _together(team: Team, iterations: int, deadline: float) -> tuple[float, bool]:
+    """Take Newton steps on all plans together; return the objective, whether they converged.
+
+    Where they did not, all robots are to be visited again.
+    """
+    taken = 0
+    u = team.work[1].u
+    read_plans(team, u)
+    for i in range(team.robots.shape[0]):
+        taken = max(taken, team.robots[i].taken)
+    most = min(_JOINT_STEPS, iterations - taken)
+    _, objective, steps, converged = descend(team, WHOLE_TEAM, 0, u, most, inf, deadline)
+    place(team, u)
+    for i in range(team.robots.shape[0]):
+        team.robots[i].taken += steps
+        team.robots[i].stale = not converged
+    return objective, converged
 
 
 @kernel
@@ -83,16 +168,17 @@ def visit(team: Team, i: int, most: int, rounds: int, deadline: float) -> float:
     rows = gather(team, i)
     first, best = 0.0, inf
     improved = True
-    _copy(team, robot.plan, work.u)
-    breadth = CHOICES if robot.thorough else 1
-    for attempt in range(1 + breadth * rounds):
+    robot.curious = robot.curious and rounds == 0
+    copy_plan(team, robot.plan, work.u)
+    choices = breadth(robot.effort)
+    for attempt in range(1 + choices * rounds):
         if attempt > 0:
-            choice = (attempt - 1) % breadth
+            choice = (attempt - 1) % choices
             if choice == 0:
                 if not improved:
                     break
                 improved = False
-                _copy(team, work.best, work.base)
+                copy_plan(team, work.best, work.base)
                 rank_starts(team, i, rows, best)
             if work.choices[choice] < 0:
                 continue
@@ -104,8 +190,10 @@ def visit(team: Team, i: int, most: int, rounds: int, deadline: float) -> float:
             robot.stale = not converged
         elif not value < best - (0.0 if robot.replan else HYSTERESIS) * abs(best):
             continue
+        if attempt > 0:
+            robot.jumped = True
         best, improved = value, True
-        _copy(team, work.u, work.best)
+        copy_plan(team, work.u, work.best)
     if best < first:
         settle(team, i, work.best)
         if first - best > TOLERANCE * first:
@@ -113,25 +201,29 @@ def visit(team: Team, i: int, most: int, rounds: int, deadline: float) -> float:
     return first - best
 
 
-@kernel
-def _copy(team: Team, source: FloatArray, target: FloatArray) -> None:
-    for at in range(2 * team.setting[0].steps):
-        target[at] = source[at]
-
-
 @merged
 def _spoil(team: Team, i: int) -> None:
-    """Mark the robots whose own problems contain robot i's plan."""
+    """Mark the robots whose own problems contain robot i's plan.
+
+    Where it has jumped they are to look at fresh starts again, too.
+    """
     robot = team.robots[i]
     for at in range(robot.sees[0], robot.sees[1]):
         target = team.targets[team.edges[at].target]
         for entry in range(target.watch[0], target.watch[1]):
             other = team.edges[team.watch[entry]].robot
             if other != i:
-                team.robots[other].stale = True
+                _rouse(team, other, robot.jumped)
     for entry in range(robot.near[0], robot.near[1]):
-        team.robots[team.near[entry]].stale = True
+        _rouse(team, team.near[entry], robot.jumped)
     for entry in range(robot.mates[0], robot.mates[1]):
-        team.robots[team.mates[entry]].stale = True
+        _rouse(team, team.mates[entry], robot.jumped)
     for entry in range(robot.rows[0], robot.rows[1]):
-        team.robots[team.rows[entry]].stale = True
+        _rouse(team, team.rows[entry], robot.jumped)
+
+
+@kernel
+def _rouse(team: Team, i: int, jumped: bool) -> None:
+    """Have robot i visited again, since a plan next to it has changed."""
+    team.robots[i].stale = True
+    team.robots[i].curious = team.robots[i].curious or jumped

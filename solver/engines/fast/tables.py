@@ -3,8 +3,9 @@
 import numpy as np
 
 from solver.engines.fast.box import fill_box, fill_reach
-from solver.engines.fast.jit import maker, merged
+from solver.engines.fast.jit import kernel, maker, merged
 from solver.engines.fast.layout import (
+    MAX_JOINT,
     MAX_STEPS,
     ROBOT,
     ROW,
@@ -25,7 +26,7 @@ from solver.engines.fast.lists import (
     sight_edges,
     watch_list,
 )
-from solver.engines.fast.probes import THOROUGH_TEAM
+from solver.engines.fast.probes import probing_effort
 from solver.engines.fast.request import Hazards, Movement, Safety, Start, Targets
 from solver.engines.fast.symmetric import clamped
 
@@ -67,9 +68,9 @@ def robot_table(setting: Table, movement: Movement, start: Start) -> Table:
             robot.position[axis] = movement.positions[i, axis]
             robot.velocity[axis] = movement.velocities[i, axis]
         robot.speed = movement.speed[i]
-        robot.stale = True
+        robot.stale = robot.curious = True
         robot.replan = cold or start.replan[i]
-        robot.thorough = robot.replan or setting.steps == 1 or robots.shape[0] <= THOROUGH_TEAM
+        robot.effort = probing_effort(robots.shape[0], setting.steps, robot.replan)
     return robots
 
 
@@ -110,6 +111,12 @@ def zone_table(hazards: Hazards) -> Table:
         zone.quantile = hazards.quantiles[s]
         zone.weight = hazards.weight * hazards.severities[s]
     return table
+
+
+@kernel
+def fits_jointly(robots: int, steps: int) -> int:
+    """Return 1 where the team is to be improved as a whole too, else 0."""
+    return 1 if robots > 1 and 2 * robots * steps <= MAX_JOINT else 0
 
 
 @merged
@@ -164,7 +171,7 @@ def assemble(
         near=near,
         discs=discs,
         obstacles=safety.obstacles,
-        work=np.zeros(1, WORK),
+        work=np.zeros(1 + fits_jointly(robots.shape[0], setting.steps), WORK),
         others=np.empty((sees, MAX_STEPS, 3)),
         lengths=np.empty(robots.shape[0]),
         binding=np.empty(most_rows * setting.steps, ROW),

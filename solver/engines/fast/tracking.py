@@ -123,11 +123,31 @@ def gather_information(team: Team, i: int) -> None:
 def add_tracking(team: Team, j: int, slot: int) -> float:
     """Add target j's derivatives by work.path; return its weighted cost."""
     total = _forward(team, j, slot)
-    _backward(team)
+    _backward(team, False)
     return float(team.setting[0].tracking) * total
 
 
-@merged
+@kernel
+def add_joint_tracking(team: Team, j: int, slot: int, mate: int) -> None:
+    """Add target j's second derivatives by work.path (rows) and by a mate's path (columns).
+
+    Both robots see the target; the mate's plan is among what `slot` holds of the others.
+    """
+    setting, target, work = team.setting[0], team.targets[j], team.work[0]
+    path, chain, twin = team.robots[mate].path, work.chain, work.twin
+    _forward(team, j, slot)
+    for k in range(setting.steps):
+        _sensing(setting, path[k, 0] - target.means[k, 0], path[k, 1] - target.means[k, 1], twin, k)
+        p0, p1, p2 = chain[k, 3], chain[k, 4], chain[k, 5]
+        twin[k, 3], twin[k, 4], twin[k, 5] = p0, p1, p2
+        for at in (10, 13):
+            twin[k, at + 6], twin[k, at + 7], twin[k, at + 8] = sandwich(
+                p0, p1, p2, twin[k, at], twin[k, at + 1], twin[k, at + 2]
+            )
+    _backward(team, True)
+
+
+@kernel
 def _forward(team: Team, j: int, slot: int) -> float:
     """Fill the chain, return the sum of tr P.
 
@@ -166,7 +186,7 @@ def _forward(team: Team, j: int, slot: int) -> float:
     return total
 
 
-@merged
+@kernel
 def _sensing(setting: Table, x: float, y: float, chain: FloatArray, k: int) -> Symmetric:
     """Store the derivatives of the information of one robot, return it."""
     squared = x * x + y * y + setting.floor
@@ -206,36 +226,49 @@ def _sensing(setting: Table, x: float, y: float, chain: FloatArray, k: int) -> S
     return a * xx + b * yy, (a - b) * xy, a * yy + b * xx
 
 
-@merged
-def _backward(team: Team) -> None:
-    """Add the derivatives by work.path from the chain."""
+@kernel
+def _backward(team: Team, joint: bool) -> None:
+    """Add the derivatives by work.path from the chain, or those by it and the twin's path."""
     weight, work = team.setting[0].tracking, team.work[0]
     chain, slope, bend = work.chain, work.slope, work.bend
+    twin = work.twin if joint else work.chain
     l0, l1, l2 = weight, 0.0, weight
     w = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     for k in range(team.setting[0].steps - 1, -1, -1):
-        c = chain[k]
-        g0, g1, g2 = sandwich(c[3], c[4], c[5], l0, l1, l2)
-        slope[k, 0] -= inner(g0, g1, g2, c[10], c[11], c[12])
-        slope[k, 1] -= inner(g0, g1, g2, c[13], c[14], c[15])
+        c, o = chain[k], twin[k]
         x0, x1, x2 = _answer(l0, l1, l2, w, c, 10)
         y0, y1, y2 = _answer(l0, l1, l2, w, c, 13)
         at = 2 * k
-        bend[at, at] += inner(x0, x1, x2, c[16], c[17], c[18]) - inner(
-            g0, g1, g2, c[22], c[23], c[24]
-        )
-        cross = inner(x0, x1, x2, c[19], c[20], c[21]) - inner(g0, g1, g2, c[25], c[26], c[27])
-        bend[at, at + 1] += cross
-        bend[at + 1, at] += cross
-        bend[at + 1, at + 1] += inner(y0, y1, y2, c[19], c[20], c[21]) - inner(
-            g0, g1, g2, c[28], c[29], c[30]
-        )
+        _add_cross(o, at, at, x0, x1, x2, bend)
+        _add_cross(o, at + 1, at, y0, y1, y2, bend)
+        if joint:
+            u0, u1, u2 = _answer(l0, l1, l2, w, o, 10)
+            v0, v1, v2 = _answer(l0, l1, l2, w, o, 13)
+        else:
+            g0, g1, g2 = sandwich(c[3], c[4], c[5], l0, l1, l2)
+            slope[k, 0] -= inner(g0, g1, g2, c[10], c[11], c[12])
+            slope[k, 1] -= inner(g0, g1, g2, c[13], c[14], c[15])
+            mixed = inner(g0, g1, g2, c[25], c[26], c[27])
+            bend[at, at] -= inner(g0, g1, g2, c[22], c[23], c[24])
+            bend[at, at + 1] -= mixed
+            bend[at + 1, at] -= mixed
+            bend[at + 1, at + 1] -= inner(g0, g1, g2, c[28], c[29], c[30])
+            u0 = u1 = u2 = v0 = v1 = v2 = 0.0
         for m in range(k - 1, -1, -1):
             a, b, d, e = chain[m + 1, 6], chain[m + 1, 7], chain[m + 1, 8], chain[m + 1, 9]
             x0, x1, x2 = lifted(a, d, b, e, x0, x1, x2)
             y0, y1, y2 = lifted(a, d, b, e, y0, y1, y2)
-            _add_cross(chain, m, at, 0, x0, x1, x2, bend)
-            _add_cross(chain, m, at, 1, y0, y1, y2, bend)
+            _add_cross(twin[m], at, 2 * m, x0, x1, x2, bend)
+            _add_cross(twin[m], at + 1, 2 * m, y0, y1, y2, bend)
+            if joint:
+                u0, u1, u2 = lifted(a, d, b, e, u0, u1, u2)
+                v0, v1, v2 = lifted(a, d, b, e, v0, v1, v2)
+                _add_mirrored(chain[m], at, 2 * m, u0, u1, u2, bend)
+                _add_mirrored(chain[m], at + 1, 2 * m, v0, v1, v2, bend)
+            else:
+                for row in range(at, at + 2):
+                    for column in range(2 * m, 2 * m + 2):
+                        bend[column, row] = bend[row, column]
         if k > 0:
             l0, l1, l2 = lifted(c[6], c[8], c[7], c[9], l0, l1, l2)
             w = _handed_on(w, c, l0, l1, l2)
@@ -268,23 +301,20 @@ def _answer(
     )
 
 
-@merged
+@inlined
 def _add_cross(
-    chain: FloatArray,
-    m: int,
-    at: int,
-    axis: int,
-    x0: float,
-    x1: float,
-    x2: float,
-    bend: FloatArray,
+    c: FloatArray, row: int, column: int, x0: float, x1: float, x2: float, bend: FloatArray
 ) -> None:
-    by_x = inner(x0, x1, x2, chain[m, 16], chain[m, 17], chain[m, 18])
-    by_y = inner(x0, x1, x2, chain[m, 19], chain[m, 20], chain[m, 21])
-    bend[2 * m, at + axis] += by_x
-    bend[at + axis, 2 * m] += by_x
-    bend[2 * m + 1, at + axis] += by_y
-    bend[at + axis, 2 * m + 1] += by_y
+    bend[row, column] += inner(x0, x1, x2, c[16], c[17], c[18])
+    bend[row, column + 1] += inner(x0, x1, x2, c[19], c[20], c[21])
+
+
+@inlined
+def _add_mirrored(
+    c: FloatArray, column: int, row: int, x0: float, x1: float, x2: float, bend: FloatArray
+) -> None:
+    bend[row, column] += inner(x0, x1, x2, c[16], c[17], c[18])
+    bend[row + 1, column] += inner(x0, x1, x2, c[19], c[20], c[21])
 
 
 @merged

@@ -6,7 +6,7 @@ the distance beyond the chance-constrained radius in the direction of the zone's
 
 from math import sqrt
 
-from solver.engines.fast.hinges import add_hinge
+from solver.engines.fast.hinges import add_hinge, bears
 from solver.engines.fast.jit import kernel
 from solver.engines.fast.layout import Table, Team
 
@@ -89,7 +89,7 @@ def add_keep_out(team: Team, i: int) -> float:
                 zone, work.path[k, 0], work.path[k, 1], setting.smooth
             )
             gap = value - zone.margin
-            if gap < 0.0:
-                total += zone.weight * gap * gap
+            if bears(work, gap, gx * robot.shift[k, 0] + gy * robot.shift[k, 1]):
+                total += zone.weight * min(gap, 0.0) ** 2
                 add_hinge(work, k, 2.0 * zone.weight, gap, gx, gy, xx, xy, yy)
     return total

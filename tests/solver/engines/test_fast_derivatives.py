@@ -9,10 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from solver import objective
-from solver.arrays import FloatArray, frozen
+from solver.arrays import FloatArray, frozen, frozen_bool
 from solver.bounds import control_box
 from solver.engines.casadi_model import padded, parameters, reduced, shape_of
-from solver.engines.fast.derivatives import local_derivatives
+from solver.engines.fast.derivatives import joint_derivatives, local_derivatives
 from solver.problem import Dynamics, Problem
 from tests.solver.problems import DYNAMICS, coincident, random_problem
 
@@ -26,8 +26,19 @@ def interior(seed: int, problem: Problem) -> FloatArray:
     return np.asarray(lower + share * (upper - lower))
 
 
+def unjammed(problem: Problem) -> Problem:
+    nobody = frozen_bool(np.zeros_like(problem.communication.known))
+    return replace(problem, communication=replace(problem.communication, known=nobody))
+
+
 def differences(problem: Problem, controls: FloatArray, robot: int) -> FloatArray:
     """Hessian block of one robot by central differences of the reference gradient."""
+    size = 2 * problem.horizon
+    return joint_differences(problem, controls, robot)[size * robot : size * (robot + 1)]
+
+
+def joint_differences(problem: Problem, controls: FloatArray, robot: int) -> FloatArray:
+    """Columns of one robot in the team's Hessian, (2HM, 2H), likewise."""
     size, step = 2 * problem.horizon, 1e-6
     columns = []
     for at in range(size):
@@ -35,7 +46,7 @@ def differences(problem: Problem, controls: FloatArray, robot: int) -> FloatArra
         for sign in (1.0, -1.0):
             moved = controls.copy()
             moved[robot].reshape(-1)[at] += sign * step
-            slopes.append(objective.gradient(problem, moved)[robot].ravel())
+            slopes.append(objective.gradient(problem, moved).ravel())
         columns.append((slopes[0] - slopes[1]) / (2.0 * step))
     return np.stack(columns, axis=1)
 
@@ -56,7 +67,7 @@ def compare(problem: Problem, controls: FloatArray, robot: int) -> None:
     robots=st.integers(1, 5),
     targets=st.integers(0, 5),
     zones=st.integers(0, 3),
-    horizon=st.integers(1, 7),
+    horizon=st.integers(1, 10),
     dynamics=st.sampled_from(DYNAMICS),
     room=st.sampled_from([0.4, 1.5, 5.0]),
 )
@@ -104,6 +115,46 @@ def test_the_hessian_is_the_symbolic_one(dynamics: Dynamics) -> None:
             hessian = local_derivatives(problem, at, robot)[3]
             scale = 1.0 + np.abs(hessian).max()
             np.testing.assert_allclose(hessian, symbolic[block, block], atol=1e-10 * scale)
+
+
+@settings(max_examples=40)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    robots=st.integers(2, 4),
+    targets=st.integers(0, 4),
+    horizon=st.integers(1, 5),
+    dynamics=st.sampled_from(DYNAMICS),
+    room=st.sampled_from([0.4, 1.5, 5.0]),
+)
+def test_the_teams_derivatives_are_exact_where_nobody_is_jammed(
+    seed: int, robots: int, targets: int, horizon: int, dynamics: Dynamics, room: float
+) -> None:
+    problem = unjammed(random_problem(seed, robots, targets, 2, horizon, dynamics, 1, room))
+    at = interior(seed, problem)
+    searched, value, gradient, hessian = joint_derivatives(problem, at)
+    assert searched == pytest.approx(objective.cost(problem, at), rel=1e-9)
+    assert value == searched
+    expected = objective.gradient(problem, at).ravel()
+    np.testing.assert_allclose(gradient, expected, atol=1e-9 * (1.0 + np.abs(expected).max()))
+    bend = np.concatenate([joint_differences(problem, at, robot) for robot in range(robots)], 1)
+    np.testing.assert_allclose(hessian, bend, atol=2e-6 * (1.0 + np.abs(bend).max()))
+    np.testing.assert_array_equal(hessian, hessian.T)
+
+
+def test_jamming_keeps_the_teams_gradient_and_diagonal_blocks_exact() -> None:
+    """What is left out of the Hessian is named in `joint.py`: nothing but jamming's mixed terms."""
+    for seed in range(10):
+        problem = random_problem(seed, 4, 4, 2, 1 + seed % 3, DYNAMICS[seed % 2], room=1.0)
+        at = interior(seed, problem)
+        gradient, hessian = joint_derivatives(problem, at)[2:]
+        expected = objective.gradient(problem, at).ravel()
+        np.testing.assert_allclose(gradient, expected, atol=1e-9 * (1.0 + np.abs(expected).max()))
+        size = 2 * problem.horizon
+        for robot in range(4):
+            block = slice(size * robot, size * (robot + 1))
+            own = local_derivatives(problem, at, robot)[3]
+            scale = 1.0 + np.abs(own).max()
+            np.testing.assert_allclose(hessian[block, block], own, atol=1e-12 * scale)
 
 
 def test_far_robots_and_zones_are_left_out_without_a_trace() -> None:

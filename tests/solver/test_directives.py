@@ -1,0 +1,16 @@
+"""What is in force, read by robot."""
+
+from solver.directives import Pairing
+from tests.solver.snapshots import random_snapshot
+
+
+def test_rows_are_the_targets_of_each_robot_that_has_any() -> None:
+    for seed in range(20):
+        snapshot = random_snapshot(seed, 5, 9, 3)
+        directives = snapshot.directives
+        rows = directives.rows()
+        for robot_id in snapshot.robots.ids:
+            assert rows.get(robot_id, ()) == directives.targets_of(robot_id)
+        pairs = {Pairing(i, j) for i, row in rows.items() for j in row}
+        assert pairs == directives.assignment
+        assert all(rows.values())
