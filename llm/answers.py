@@ -22,10 +22,17 @@ _NOT_AN_ID = -1
 
 _WEIGHT_KEYS = ("tracking", "control", "sensing", "communication")
 _MEANT_AS_JSON = re.compile(r"\{\s*\"")
+_NOBODY = re.compile(r"^[^\w\n]{0,20}no (?:drone|robot)s?\b", re.I | re.M)
+"""Said where no drone is left: "No drone can be given a target."."""
+
 _REFUSAL = re.compile(
-    r"\b(?:I'?m sorry|I am sorry|I apologi[sz]e|I can(?:'|no)?t (?:help|assist|comply|provide|do)|"
-    r"I can not (?:help|assist|comply)|I(?:'m| am) (?:unable|not able)|I won'?t|"
-    r"as an AI|I must decline|cannot fulfil)",
+    r"\b(?:I['’]?m sorry|I am sorry|I apologi[sz]e|(?:I|we) (?:can['’]?t|cannot|can not|could not|"
+    r"couldn['’]t|won['’]?t|will not|must not) (?:\w+ ){0,2}(?:help|assist|comply|provide|do|"
+    r"answer|fulfil\w*|support|participate|take part|control|assign|engage|continue|advise)|"
+    r"(?:I['’]m|I am|we are) (?:unable|not able|not allowed|not permitted)|"
+    r"as an? (?:AI|large language model|language model)|I (?:must|have to) (?:decline|refuse)|"
+    r"I (?:decline|refuse)|cannot fulfil|against (?:my|our) (?:guidelines|policy|policies)|"
+    r"not something I can)",
     re.I,
 )
 
@@ -83,6 +90,8 @@ def read_task(text: str) -> TaskAnswer:
     _refuse_broken_json(plain, "a tracking assignment")
     said = sentences.split(plain)
     rows = sentences.assignment(said.body)
+    if rows is None and _NOBODY.search(said.body):
+        rows = ()
     if rows is None:
         raise AnswerError(_empty_words(plain, "a tracking assignment"))
     return TaskAnswer(
@@ -165,7 +174,8 @@ def _json_rows(found: Pairs) -> Rows | None:
         rows = [(_id(key), _row(value)) for key, value in found.items]
     else:
         return None
-    return tuple(rows) if rows else None
+    # An assignment said to be empty is one: with no drone left it is right.
+    return tuple(rows) if rows or assignment is not None else None
 
 
 def _row_objects(items: Sequence[Any]) -> Iterator[tuple[int, tuple[int, ...]]]:

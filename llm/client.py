@@ -37,6 +37,7 @@ __all__ = [
     "Usage",
 ]
 
+LARGEST_PORT = 65_535
 LONGEST_ERROR = 200
 """Characters of an endpoint's own error text that are passed on."""
 
@@ -187,8 +188,8 @@ class ChatClient:
     async def _post(self, body: dict[str, Any]) -> tuple[int, httpx.Headers, bytes]:
         self.usage = replace(self.usage, requests=self.usage.requests + 1)
         chunks = bytearray()
-        http = self._connected()
         try:
+            http = self._connected()
             async with http.stream("POST", "chat/completions", json=body) as response:
                 async for chunk in response.aiter_raw():
                     chunks += chunk
@@ -220,25 +221,33 @@ class ChatClient:
             headers.update(self.profile.headers)
             if key:
                 headers["Authorization"] = f"Bearer {key}"
-            base_url = self.profile.base_url.rstrip("/") + "/"
+            # Credentials in the address would stand in the log of whoever logs requests.
+            url = httpx.URL(self.profile.base_url.rstrip("/") + "/")
+            if url.port is not None and not 0 < url.port <= LARGEST_PORT:
+                raise httpx.InvalidURL("no such port")
+            named = bool(url.username or url.password)
+            base_url = url.copy_with(username=None, password=None)
             self._http = httpx.AsyncClient(
                 base_url=base_url,
                 headers=headers,
+                auth=(url.username, url.password) if named and not key else None,
                 transport=self.transport,
                 timeout=httpx.Timeout(
                     self.profile.read_timeout_s, connect=self.profile.connect_timeout_s
                 ),
                 # A model on this machine is never asked through a proxy.
-                trust_env=not _is_loopback(httpx.URL(base_url).host),
+                trust_env=not _is_loopback(url.host),
                 follow_redirects=False,
             )
         return self._http
 
     def _refusal(self, status: int, headers: httpx.Headers, content: bytes) -> ModelError:
         words = f"the endpoint answered {status}: {_error_text(content)}"
-        key = self.profile.api_key.get_secret_value()
-        if key:
-            words = words.replace(key, "[key]")
+        for secret in (
+            self.profile.api_key.get_secret_value(),
+            httpx.URL(self.profile.base_url).password,
+        ):
+            words = words.replace(secret, "[key]") if secret else words
         if status == HTTPStatus.TOO_MANY_REQUESTS:
             return ModelError(ErrorKind.RATE_LIMITED, words, _retry_after_s(headers))
         if status in (HTTPStatus.UNAUTHORIZED, HTTPStatus.FORBIDDEN):

@@ -10,6 +10,7 @@ its violations are told to the model, with the facts as they are by then.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from enum import StrEnum
 
 from llm import words
 from llm.answers import (
@@ -68,14 +69,26 @@ class GivenUp:
 Outcome = Retry | Accepted | GivenUp
 
 
+class Fault(StrEnum):
+    """What was wrong with an attempt."""
+
+    NO_REPLY = "no_reply"
+    UNREADABLE = "unreadable"
+    """There was nothing in it to verify."""
+
+    VIOLATION = "violation"
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Attempt:
     """One request and what came of it, for the journal and the decision cards."""
 
     request: ChatRequest
     text: str
-    reasons: tuple[str, ...]
+    reasons: tuple[str, ...] = ()
     """Why it was refused; empty when it was accepted."""
+
+    fault: Fault | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,15 +132,15 @@ class Consultation:
             latency_s=self.stats.latency_s + reply.latency_s,
         )
         if reply.finish == "length" and not is_whole(reply.text):
-            return self._refused(reply.text, (CUT_OFF,), snapshot)
+            return self._refused(reply.text, (CUT_OFF,), snapshot, Fault.UNREADABLE)
         try:
             proposal = self._proposal(reply.text, snapshot)
         except AnswerError as error:
-            return self._refused(reply.text, (str(error),), snapshot)
+            return self._refused(reply.text, (str(error),), snapshot, Fault.UNREADABLE)
         verdict = verify(proposal, snapshot, self.view.limits)
         if not verdict.accepted:
-            return self._refused(reply.text, verdict.violations, snapshot)
-        self.attempts.append(Attempt(self.request, reply.text, ()))
+            return self._refused(reply.text, verdict.violations, snapshot, Fault.VIOLATION)
+        self.attempts.append(Attempt(self.request, reply.text))
         first = self.stats.tries == 1
         self.stats = replace(self.stats, valid=True, valid_first=first)
         return Accepted(proposal, verdict)
@@ -135,14 +148,16 @@ class Consultation:
     def fail(self, error: ModelError) -> Outcome:
         """Take note that there was no reply."""
         self.stats = replace(self.stats, tries=self.stats.tries + 1)
-        self.attempts.append(Attempt(self.request, "", (error.words,)))
+        self.attempts.append(Attempt(self.request, "", (error.words,), Fault.NO_REPLY))
         if error.kind in _AGAIN and self.stats.tries < self.max_tries:
             return Retry(self.request, (error.words,))
         return GivenUp((error.words,))
 
-    def _refused(self, text: str, reasons: Sequence[str], snapshot: Snapshot) -> Outcome:
+    def _refused(
+        self, text: str, reasons: Sequence[str], snapshot: Snapshot, fault: Fault
+    ) -> Outcome:
         told = tuple(reasons)
-        self.attempts.append(Attempt(self.request, text, told))
+        self.attempts.append(Attempt(self.request, text, told, fault))
         if self.stats.tries >= self.max_tries:
             return GivenUp(told)
         self.view = self.view.at(snapshot)

@@ -1,4 +1,4 @@
-"""How well an assignment covers the targets, and how well it could (paper, eq. 5).
+"""How well an assignment covers the targets, and how well it could (paper, eq. 4).
 
 The least number of targets that must stay without a robot is computed, not assumed: from
 effective capacities, frozen rows and the pins in force.

@@ -5,7 +5,7 @@ prompts. Zone names appear as labels only (`llm.quoting`).
 """
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -14,12 +14,17 @@ from llm.coverage import Team, standing_pins
 from llm.history import HistoryEntry, RobotThen
 from llm.quoting import labels
 from solver.arrays import FloatArray
+from solver.directives import Pairing
 from solver.observations import Attack, Link
-from solver.snapshot import Snapshot, TrackStatus
+from solver.snapshot import InferredZone, Snapshot, TrackStatus
 from solver.zones import Zone, ZoneKind
 
 NEAR_M = 3.0
 """Robots farther than this outside a zone's keep-out are not mentioned beside it."""
+
+STILL_M_S = 0.05
+STILL_FOR_S = 2.0
+"""A robot stands still that stays this slow for this long."""
 
 MOST_ATTACKS = 8
 
@@ -54,14 +59,14 @@ def condition(link: Link, *, blind: bool) -> str:
 
 def robot_lines(snapshot: Snapshot, team: Team) -> Iterator[str]:
     """Tell every robot's state, failures, capacity and targets."""
-    robots, directives = snapshot.robots, snapshot.directives
+    robots, rows = snapshot.robots, _rows(snapshot.directives.assignment)
     for i, robot_id in enumerate(robots.ids):
         state = condition(robots.links[i], blind=bool(robots.sensing_failed[i]))
         head = f"Drone {robot_id} is at {point(robots.positions[i])}"
         if robots.links[i] is Link.LOST:
             yield f"{head} by its last report, lost."
             continue
-        row = directives.targets_of(robot_id)
+        row = rows.get(robot_id, ())
         tracks = words.targets(row) if row else "no target"
         capacity = team.capacities[robot_id]
         able = (
@@ -73,6 +78,33 @@ def robot_lines(snapshot: Snapshot, team: Team) -> Iterator[str]:
             f"{head}, velocity {point(robots.velocities[i])}, commanded "
             f"{point(robots.setpoint_velocities[i])}, {state}; it tracks {tracks}, {able}."
         )
+
+
+def _rows(assignment: Iterable[Pairing]) -> dict[int, list[int]]:
+    """Return robot id -> its targets, ascending."""
+    rows: dict[int, list[int]] = {}
+    for robot_id, target_id in sorted(assignment):
+        rows.setdefault(robot_id, []).append(target_id)
+    return rows
+
+
+def still_lines(snapshot: Snapshot, history: Sequence[HistoryEntry]) -> Iterator[str]:
+    """Tell which robots have hardly moved over the recent results, though they can be reached."""
+    if not history or snapshot.time_s - history[0].time_s < STILL_FOR_S:
+        return
+    span_s = snapshot.time_s - history[0].time_s
+    robots = snapshot.robots
+    places = [{robot.robot_id: robot.position for robot in entry.robots} for entry in history]
+    for i, robot_id in enumerate(robots.ids):
+        if robots.links[i] is not Link.CONNECTED or not all(robot_id in at for at in places):
+            continue
+        here = robots.positions[i]
+        moved_m = max(float(np.hypot(*(here - np.asarray(at[robot_id])))) for at in places)
+        if moved_m < STILL_M_S * span_s:
+            yield (
+                f"Drone {robot_id} stands still: it has moved {words.number(round(moved_m, 2))} m "
+                f"in {seconds(span_s)} s."
+            )
 
 
 def target_lines(snapshot: Snapshot) -> Iterator[str]:
@@ -98,32 +130,39 @@ def target_lines(snapshot: Snapshot) -> Iterator[str]:
 def keep_out_m(zone: Zone, severity: float, spread_m: float) -> float:
     """Return the mean radius of a zone's keep-out (paper, section III-B)."""
     deviation = math.sqrt(0.5 * (zone.covariance[0][0] + zone.covariance[1][1]))
-    return zone.quantile(severity) * deviation + _margin(zone, spread_m)
+    return float(zone.quantile(severity) * deviation + _margin(zone, spread_m))
 
 
-def clearance_m(zone: Zone, severity: float, spread_m: float, at: FloatArray) -> float:
-    """Return how far a point is outside a zone's keep-out; negative inside.
+def clearances_m(zone: Zone, severity: float, spreads_m: FloatArray, at: FloatArray) -> FloatArray:
+    """Return how far points are outside a zone's keep-out; negative inside.
 
     The exact constraint of the optimizer: |a| - q sqrt(n'Sn) - r with a = mu - x, n = a/|a|.
+
+    Args:
+        zone: The zone.
+        severity: Its multiplier.
+        spreads_m: (P,) or scalar: the spread of the team that counts at each point.
+        at: (P, 2) points.
     """
     away = np.asarray(zone.mean) - at
-    distance = float(np.hypot(away[0], away[1]))
-    direction = away / distance if distance > 1e-9 else np.array([1.0, 0.0])
-    deviation = math.sqrt(float(direction @ np.asarray(zone.covariance) @ direction))
-    return distance - zone.quantile(severity) * deviation - _margin(zone, spread_m)
+    distance = np.hypot(away[:, 0], away[:, 1])
+    far = distance > 1e-9
+    direction = np.where(far[:, None], away / np.where(far, distance, 1.0)[:, None], (1.0, 0.0))
+    deviation = np.sqrt(np.sum((direction @ np.asarray(zone.covariance)) * direction, axis=1))
+    margins = np.broadcast_to(_margin(zone, spreads_m), distance.shape)
+    return np.asarray(distance - zone.quantile(severity) * deviation - margins)
 
 
-def _margin(zone: Zone, spread_m: float) -> float:
+def _margin(zone: Zone, spread_m: float | FloatArray) -> float | FloatArray:
     return zone.margin * (spread_m if zone.kind is ZoneKind.COMMUNICATION else 1.0)
 
 
-def _spread_m(snapshot: Snapshot, i: int) -> float:
-    """Return the distance from robot i to its farthest connected team mate."""
+def spreads_m(snapshot: Snapshot) -> FloatArray:
+    """Return (M,) the distance from each robot to its farthest connected team mate."""
     robots = snapshot.robots
-    mates = [k for k, link in enumerate(robots.links) if link is Link.CONNECTED and k != i]
-    if not mates:
-        return 0.0
-    return float(np.linalg.norm(robots.positions[mates] - robots.positions[i], axis=1).max())
+    mates = [k for k, link in enumerate(robots.links) if link is Link.CONNECTED]
+    offsets = robots.positions[:, None, :] - robots.positions[mates][None, :, :]
+    return np.asarray(np.hypot(offsets[..., 0], offsets[..., 1]).max(axis=1, initial=0.0))
 
 
 def zone_lines(snapshot: Snapshot) -> Iterator[str]:
@@ -133,7 +172,9 @@ def zone_lines(snapshot: Snapshot) -> Iterator[str]:
     names = zone_labels(snapshot)
     ids = np.asarray(snapshot.robots.ids)
     reachable = [i for i, link in enumerate(snapshot.robots.links) if link is Link.CONNECTED]
-    spread_m = max((_spread_m(snapshot, i) for i in reachable), default=0.0)
+    spreads = spreads_m(snapshot)
+    spread_m = float(spreads[reachable].max(initial=0.0))
+    inferred = {one.zone_id: one for one in snapshot.inferred}
     for z, zone in enumerate(snapshot.zones):
         severity = snapshot.directives.severity_of(zone.id)
         knowing = [int(r) for r in ids[snapshot.known[:, z]]]
@@ -141,30 +182,38 @@ def zone_lines(snapshot: Snapshot) -> Iterator[str]:
         known_by = "all drones" if everybody else words.drones(knowing) or "no drone"
         growing = ", growing with the spread of the team" * (zone.kind is ZoneKind.COMMUNICATION)
         radius = words.number(round(keep_out_m(zone, severity, spread_m), 2))
-        effects = list(_effects(snapshot, zone, severity))
+        effects = list(_effects(snapshot, zone, severity, spreads))
         effect = f" {'; '.join(effects)}." if effects else " No drone or target is near it."
         yield (
             f"{zone.kind.value.capitalize()} zone {names[zone.id]} is at {point(zone.mean)}, "
-            f"keep-out {radius} m{growing}, severity {words.number(severity)}, known by "
-            f"{known_by}.{effect}"
+            f"keep-out {radius} m{growing}{_doubt(inferred.get(zone.id))}, severity "
+            f"{words.number(severity)}, known by {known_by}.{effect}"
         )
 
 
-def _effects(snapshot: Snapshot, zone: Zone, severity: float) -> Iterator[str]:
+def _doubt(inferred: InferredZone | None) -> str:
+    """Tell how sure it is that a zone which was only inferred exists, and where."""
+    if inferred is None:
+        return ""
+    sure = f"{100.0 * inferred.confidence:.0f} % sure"
+    return f", inferred from failures ({sure}, centre to {inferred.centre_deviation_m:.1f} m)"
+
+
+def _effects(snapshot: Snapshot, zone: Zone, severity: float, spreads: FloatArray) -> Iterator[str]:
     robots, tracks = snapshot.robots, snapshot.tracks
-    for i, robot_id in enumerate(robots.ids):
+    clearances = clearances_m(zone, severity, spreads, robots.positions)
+    for i in np.flatnonzero(clearances < NEAR_M):
         if robots.links[i] is Link.LOST:
             continue
-        clearance = clearance_m(zone, severity, _spread_m(snapshot, i), robots.positions[i])
+        clearance = float(clearances[i])
         if clearance < 0.0:
-            yield f"Drone {robot_id} is inside its keep-out by {-clearance:.2f} m"
-        elif clearance < NEAR_M:
-            yield f"Drone {robot_id} is {clearance:.2f} m outside"
-    for j, target_id in enumerate(tracks.ids):
-        if tracks.status[j] in (TrackStatus.UNKNOWN, TrackStatus.DROPPED):
-            continue
-        if clearance_m(zone, severity, 0.0, tracks.positions[j]) < 0.0:
-            yield f"Target {target_id} is inside it"
+            yield f"Drone {robots.ids[i]} is inside its keep-out by {-clearance:.2f} m"
+        else:
+            yield f"Drone {robots.ids[i]} is {clearance:.2f} m outside"
+    inside = clearances_m(zone, severity, np.zeros(len(tracks.ids)), tracks.positions) < 0.0
+    for j in np.flatnonzero(inside):
+        if tracks.status[j] not in (TrackStatus.UNKNOWN, TrackStatus.DROPPED):
+            yield f"Target {tracks.ids[j]} is inside it"
 
 
 def attack_words(attack: Attack, names: Mapping[str, str]) -> str:
@@ -218,13 +267,11 @@ def history_lines(history: Sequence[HistoryEntry], names: Mapping[str, str]) -> 
             for t in entry.targets
         )
         attacks = "; ".join(attack_words(a, names) for a in entry.attacks[-MOST_ATTACKS:])
+        rows = _rows(entry.assignment)
         pairs = "; ".join(
-            f"Drone {robot.robot_id} tracked "
-            + words.targets(
-                sorted(p.target_id for p in entry.assignment if p.robot_id == robot.robot_id)
-            )
+            f"Drone {robot.robot_id} tracked {words.targets(rows[robot.robot_id])}"
             for robot in entry.robots
-            if any(p.robot_id == robot.robot_id for p in entry.assignment)
+            if robot.robot_id in rows
         )
         yield (
             f"{index}. At {seconds(entry.time_s)} s: {robots}; {targets or 'no target seen'}. "

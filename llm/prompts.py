@@ -157,6 +157,7 @@ def _situation(view: PromptView, team: Team, loop: Loop, request: str) -> str:
         *_past(view, names),
         f"Now, at {facts.seconds(snapshot.time_s)} s:",
         *facts.robot_lines(snapshot, team),
+        *facts.still_lines(snapshot, view.history),
         *facts.target_lines(snapshot),
         facts.attack_line(snapshot, view.history, attacks),
         f"The last trace of the estimation covariance is {words.number(round(snapshot.trace, 3))}.",

@@ -1,4 +1,4 @@
-"""Whether a proposal may become directives (paper, section III-C, eq. 5, and III-D).
+"""Whether a proposal may become directives (paper, section III-C, eq. 4, and III-D).
 
 A whole answer is accepted or refused; it is never patched. Every violation is a sentence
 that can be told to a model or a person. The same function judges people's overrides.
@@ -7,13 +7,13 @@ that can be told to a model or a person. The same function judges people's overr
 import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 from llm import words
 from llm.coverage import Shortfall, Team, shortfall, standing_pins
 from llm.quoting import label, labels
-from solver.directives import Pairing, Proposal, Source, Verdict, Weights
+from solver.directives import Pairing, Pin, Proposal, Source, Verdict, Weights
 from solver.observations import Link
 from solver.snapshot import Snapshot
 
@@ -98,6 +98,9 @@ def verify(proposal: Proposal, snapshot: Snapshot, limits: Limits) -> Verdict:
     """
     violations: list[str] = []
     violations.extend(_authority(proposal))
+    if proposal.source is Source.OPERATOR:
+        snapshot = _for_people(proposal, snapshot)
+        violations.extend(_pins(proposal, snapshot))
     violations.extend(_capacities(proposal, snapshot, limits))
     capacities = dict(snapshot.directives.capacities)
     if not violations:
@@ -116,6 +119,51 @@ def _authority(proposal: Proposal) -> Iterator[str]:
     asks_action = proposal.weights is not None or bool(proposal.severities or proposal.replan)
     if asks_action and proposal.source not in _WEIGHS:
         yield "Weights, severities and replanning are not yours to change."
+    if (proposal.pins_set or proposal.pins_lifted) and proposal.source is not Source.OPERATOR:
+        yield "Pins are not yours to set or lift."
+
+
+def pins_with(pins: tuple[Pin, ...], proposal: Proposal) -> tuple[Pin, ...]:
+    """Return the pins with those that a proposal sets or lifts; a pin set again is the newest."""
+    gone = {pin.id for pin in proposal.pins_set} | set(proposal.pins_lifted)
+    return (*(pin for pin in pins if pin.id not in gone), *proposal.pins_set)
+
+
+def keeps(assignment: frozenset[Pairing], pin: Pin) -> bool:
+    """Return whether an assignment does what a pin wants."""
+    return (pin.pair in assignment) is not pin.forbids
+
+
+def _for_people(proposal: Proposal, snapshot: Snapshot) -> Snapshot:
+    """Return the snapshot as a person's own proposal is judged: with the pins it asks for.
+
+    What a comment once brought about does not bind the people who say it in person.
+    """
+    pins = pins_with(snapshot.directives.pins, proposal)
+    if proposal.assignment is not None:
+        wanted = assignment_of(proposal)
+        pins = tuple(pin for pin in pins if pin.comment_id is None or keeps(wanted, pin))
+    return replace(snapshot, directives=replace(snapshot.directives, pins=pins))
+
+
+def _pins(proposal: Proposal, snapshot: Snapshot) -> Iterator[str]:
+    team = Team.of(snapshot)
+    standing = {pin.id for pin in standing_pins(snapshot, team)}
+    for pin in proposal.pins_set:
+        robot_id, target_id = pin.pair
+        if robot_id not in team.links:
+            yield f"There is no Drone {robot_id}; the drones are {_ids(team.links)}."
+        elif target_id in team.dropped:
+            yield f"Target {target_id} is no longer tracked by anybody, so it cannot be pinned."
+        elif target_id not in team.targets:
+            yield f"There is no Target {target_id}; the targets are {_ids(team.targets)}."
+        elif team.links[robot_id] is not Link.CONNECTED:
+            yield f"Drone {robot_id} cannot be reached, so it cannot be pinned."
+        elif pin.id not in standing:
+            yield (
+                f"Drone {robot_id} cannot be pinned to Target {target_id}: it can track at most "
+                f"{team.capacities[robot_id]}, and other pins stand."
+            )
 
 
 def _repeated(values: Iterable[int] | Iterable[str]) -> tuple[str, ...]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from types import TracebackType
 from typing import Self
 
+from llm.breaker import Breaker
 from llm.chat import ChatReply, ChatRequest, ErrorKind, ModelError
 from llm.client import ChatClient, ModelProfile
 
@@ -28,10 +29,16 @@ class LocalModel:
     """Told, in one line, what takes its time."""
 
     command: tuple[str, ...] = WORKER
+    niceness: int = 10
+    """How far the worker steps back: live, the planner's ticks go first."""
+
     start_timeout_s: float = 60.0
     stop_timeout_s: float = 2.0
     read_timeout_s: float = 120.0
     """A reply comes in one piece, after all of it has been generated."""
+
+    breaker: Breaker = field(default_factory=lambda: Breaker(threshold=3), repr=False)
+    """A worker that cannot be started, or keeps dying, is left alone for a while."""
 
     _process: asyncio.subprocess.Process | None = field(default=None, init=False, repr=False)
     _client: ChatClient | None = field(default=None, init=False, repr=False)
@@ -56,8 +63,25 @@ class LocalModel:
         Raises:
             ModelError: when there is no reply, or no worker to give one.
         """
-        client = await self._started()
-        return await client.complete(request, timeout_s)
+        self.breaker.check()
+        try:
+            client = await self._started()
+            reply = await client.complete(request, timeout_s)
+        except ModelError as error:
+            failure = self._explained(error)
+            if self._client is None or failure is not error:
+                self.breaker.failed()
+            raise failure from None
+        self.breaker.succeeded()
+        return reply
+
+    def _explained(self, error: ModelError) -> ModelError:
+        """Say so where the worker's end is behind an error."""
+        code = None if self._process is None else self._process.returncode
+        if code is None:
+            return error
+        words = f"the embedded model's process has ended (code {code}); the next call starts it"
+        return ModelError(ErrorKind.CONNECTION, words)
 
     async def aclose(self) -> None:
         """Stop the worker, at the latest `stop_timeout_s` from now."""
@@ -78,6 +102,9 @@ class LocalModel:
                 await self._kill()
                 words = f"the embedded model did not start within {self.start_timeout_s:g} s"
                 raise ModelError(ErrorKind.TIMEOUT, words) from None
+            except ModelError:
+                await self._stop()
+                raise
             except BaseException:
                 # Also when cancelled: a worker busy with loading does not see its input end.
                 await self._kill()
@@ -95,6 +122,7 @@ class LocalModel:
         """
         self._process = await asyncio.create_subprocess_exec(
             *self.command,
+            str(self.niceness),
             stdin=asyncio.subprocess.PIPE,
             stdout=asyncio.subprocess.PIPE,
             stderr=asyncio.subprocess.DEVNULL,

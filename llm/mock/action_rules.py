@@ -5,11 +5,14 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from llm.mock.comment_rules import Wish, WishKind, understand
-from llm.mock.deciding import ActionDecision, Reaction
-from llm.mock.reading import Reading, SeenRobot, SeenTarget, SeenZone
+from llm.mock.comment_rules import Wish, WishKind
+from llm.mock.comment_text import wishes
+from llm.mock.deciding import FOREIGN_WORDS, ActionDecision, Reaction, combined, unclear_words
+from llm.mock.explaining import NEAR_ZONE_M, explain, stands_still
+from llm.mock.reading import Reading, SeenZone
 
 TRACKING, CONTROL, SENSING, COMMUNICATION = range(4)
+NAMES = ("tracking", "control", "sensing", "communication")
 _SAFETY = {"sensing": SENSING, "communication": COMMUNICATION}
 
 STEP = 2.0
@@ -29,11 +32,10 @@ MANY_HITS = 3
 ATTACK_SEVERITY = 2.0
 """Attacks alone raise a severity to at most this."""
 
-NEAR_ZONE_M = 1.0
-STILL_M_S = 0.05
 
 _FACTORS: dict[WishKind, tuple[tuple[int, float], ...]] = {
-    WishKind.TRACK_MORE: ((TRACKING, STEP),),
+    # Tracking alone would make zones cheap beside it, and a drone that is hit tracks nothing.
+    WishKind.TRACK_MORE: ((TRACKING, STEP), (SENSING, STEP), (COMMUNICATION, STEP)),
     WishKind.AGGRESSIVE: (
         (TRACKING, STEP),
         (CONTROL, 1.0 / STEP),
@@ -44,7 +46,7 @@ _FACTORS: dict[WishKind, tuple[tuple[int, float], ...]] = {
     WishKind.SAVE_ENERGY: ((CONTROL, STEP),),
 }
 _EFFECTS = {
-    WishKind.TRACK_MORE: "Tracking counts more",
+    WishKind.TRACK_MORE: "Tracking counts more, and safety keeps pace with it",
     WishKind.AGGRESSIVE: "Tracking counts more, control and safety less",
     WishKind.CONSERVATIVE: "Both kinds of safety count more",
     WishKind.SAVE_ENERGY: "Control effort counts more, so the drones fly more calmly",
@@ -67,8 +69,11 @@ def decide(reading: Reading) -> ActionDecision:
     reactions = []
     for comment in reading.comments:
         if comment.new:
-            verdict, reason = _react(reading, draft, understand(comment.text))
-            reactions.append(Reaction(comment.label, verdict, reason))
+            parts = [
+                Reaction(comment.label, *_react(reading, draft, wish))
+                for wish in wishes(comment.text)
+            ]
+            reactions.append(combined(comment.label, parts))
     if not any(comment.new for comment in reading.comments):
         _from_attacks(reading, draft)
         _from_trace(reading, draft)
@@ -96,7 +101,7 @@ def _from_attacks(reading: Reading, draft: _Draft) -> None:
     for kind, index in _SAFETY.items():
         if not kinds[kind] or index >= len(reading.bounds):
             continue
-        ceiling = ATTACK_REACH * _middle(reading.bounds[index])
+        ceiling = ATTACK_REACH * _middle(reading.bounds[index]) * _eagerness(reading)
         if draft.weights[index] < ceiling:
             _scale(reading, draft, index, ATTACK_STEP, ceiling)
             draft.reasons.append(f"A {kind} attack: {kind} safety counts more.")
@@ -132,6 +137,11 @@ def _from_trace(reading: Reading, draft: _Draft) -> None:
             draft.reasons.append("The trace keeps growing: tracking counts more.")
 
 
+def _eagerness(reading: Reading) -> float:
+    """Return how much more than usual tracking counts, at least 1: safety keeps pace with it."""
+    return max(1.0, reading.weights[TRACKING] / _middle(reading.bounds[TRACKING]))
+
+
 def _middle(bounds: tuple[float, float]) -> float:
     return math.sqrt(bounds[0] * bounds[1])
 
@@ -162,6 +172,16 @@ def _react(reading: Reading, draft: _Draft, wish: Wish) -> tuple[str, str]:
     match wish.kind:
         case WishKind.NONE:
             return "declined", "This is no guidance for how the drones should fly."
+        case WishKind.FOREIGN:
+            return "declined", FOREIGN_WORDS
+        case WishKind.UNCLEAR:
+            return "declined", unclear_words(wish.words)
+        case WishKind.WEIGHT:
+            return _set_weights(reading, draft, wish)
+        case WishKind.SEVERITY:
+            return _set_severity(reading, draft, wish)
+        case WishKind.HARMLESS:
+            return "declined", "Only an operator may lower the severity of a zone."
         case WishKind.STUCK:
             return _unstick(reading, draft, wish)
         case WishKind.SEVERE | WishKind.AVOID:
@@ -175,12 +195,73 @@ def _react(reading: Reading, draft: _Draft, wish: Wish) -> tuple[str, str]:
 
 
 def _reweigh(reading: Reading, draft: _Draft, kind: WishKind) -> tuple[str, str]:
+    granted = _granted(reading, kind)
+    if granted is not None:
+        return "noted", f"{_EFFECTS[kind]} since comment {granted}, which still stands."
+    at_the_top = draft.weights[TRACKING] >= reading.bounds[TRACKING][1]
+    if kind is WishKind.TRACK_MORE and at_the_top:
+        return "declined", "Tracking is at its upper bound already."
     changed = [_scale(reading, draft, index, factor) for index, factor in _FACTORS[kind]]
     if not any(changed):
         return "declined", "The weights concerned are at their bounds already."
     words = f"{_EFFECTS[kind]}{'' if all(changed) else ', as far as the bounds allow'}."
     draft.reasons.append(words)
     return ("applied" if all(changed) else "partly_applied"), words
+
+
+def _granted(reading: Reading, kind: WishKind) -> str | None:
+    """Return the label of a standing comment that has brought the same about, if there is one."""
+    return next(
+        (
+            comment.label
+            for comment in reading.comments
+            if comment.verdict == "applied"
+            and any(wish.kind is kind for wish in wishes(comment.text))
+        ),
+        None,
+    )
+
+
+def _set_weights(reading: Reading, draft: _Draft, wish: Wish) -> tuple[str, str]:
+    """Give weights the value or the change that is asked for, wholly or not at all."""
+    wanted = {}
+    for index in wish.weights:
+        asked = wish.value
+        if asked is None:
+            asked = _rounded(draft.weights[index] * wish.factor)
+        lower, upper = reading.bounds[index]
+        if not lower <= asked <= upper:
+            words = f"The weight of {NAMES[index]} must be between {lower:g} and {upper:g}"
+            return "declined", f"{words}, not {asked:g}."
+        wanted[index] = asked
+    told = ", ".join(f"{NAMES[index]} {value:g}" for index, value in wanted.items())
+    if all(draft.weights[index] == value for index, value in wanted.items()):
+        return "noted", f"The weights are so already: {told}."
+    for index, value in wanted.items():
+        draft.weights[index] = value
+    words = f"The weights are now: {told}."
+    draft.reasons.append(words)
+    return "applied", words
+
+
+def _set_severity(reading: Reading, draft: _Draft, wish: Wish) -> tuple[str, str]:
+    """Raise zones to the severity that is asked for; it may not be lowered."""
+    zones, value = _zones_meant(reading, wish), wish.value or 0.0
+    if not zones or "severities" not in reading.offers:
+        named = f" {' or '.join(wish.zones)}" if wish.zones else ""
+        return "declined", f"No zone{named} is known yet."
+    if not 1.0 <= value <= reading.severity_upper:
+        words = f"A severity must be between 1 and {reading.severity_upper:g}, not {value:g}."
+        return "declined", words
+    if any(value < zone.severity for zone in zones):
+        return "declined", "Only an operator may lower the severity of a zone."
+    raised = [zone.label for zone in zones if value > zone.severity]
+    if not raised:
+        return "noted", f"The severity is {value:g} already."
+    draft.severities.update(dict.fromkeys(raised, value))
+    words = f"The severity of {' and '.join(raised)} is raised to {value:g}."
+    draft.reasons.append(words)
+    return "applied", words
 
 
 def _zones_meant(reading: Reading, wish: Wish) -> list[SeenZone]:
@@ -255,68 +336,19 @@ def _unstick(reading: Reading, draft: _Draft, wish: Wish) -> tuple[str, str]:
     """Explain why a robot does not move, from the facts told, and have it replanned."""
     robots = [r for r in reading.robots if r.id in wish.robots]
     if not robots:
-        robots = [r for r in reading.robots if r.free and _speed(r) < STILL_M_S]
+        robots = [r for r in reading.robots if r.free and stands_still(r)]
     if not robots:
         return "noted", "No drone stands still; the slowest moves faster than 0.05 m/s."
     reasons = []
     for robot in robots:
         reasons.append(explain(reading, robot))
-        if robot.free and "replan" in reading.offers and _speed(robot) < STILL_M_S:
+        if robot.free and "replan" in reading.offers and stands_still(robot):
             draft.replan.append(robot.id)
     if draft.replan:
         names = " and ".join(f"Drone {robot_id}" for robot_id in draft.replan)
         reasons.append(f"{names} is planned afresh.")
         draft.reasons.append(reasons[-1])
     return ("applied" if draft.replan else "noted"), " ".join(reasons)
-
-
-def explain(reading: Reading, robot: SeenRobot) -> str:
-    """Say what a robot does and what holds it, in facts from the prompt."""
-    name = f"Drone {robot.id}"
-    if robot.lost:
-        return f"{name} is lost."
-    if robot.cut_off:
-        return f"{name} is cut off by a communication failure and flies on board."
-    parts = [
-        f"{name} moves at {_speed(robot):.2f} m/s, commanded {math.hypot(*robot.commanded):.2f} m/s"
-    ]
-    if robot.blind:
-        parts.append("it is in sensing failure and sees no target")
-    parts.extend(_held_by(reading, robot))
-    if reading.rung is not None:
-        parts.append(f"the last optimization ended {reading.rung}")
-    return f"{'; '.join(parts)}."
-
-
-def _held_by(reading: Reading, robot: SeenRobot) -> list[str]:
-    targets = {target.id: target for target in reading.targets}
-    mine = [targets[t] for t in robot.row if t in targets and targets[t].position]
-    parts = []
-    for zone in reading.zones:
-        gap = math.dist(robot.position, zone.position) - zone.keep_out_m
-        if gap < NEAR_ZONE_M:
-            where = f"{gap:.1f} m outside" if gap >= 0.0 else f"{-gap:.1f} m inside"
-            parts.append(f"it is {where} the keep-out of {zone.kind} zone {zone.label}")
-            inside = [
-                f"Target {t.id}"
-                for t in mine
-                if t.position and math.dist(t.position, zone.position) < zone.keep_out_m
-            ]
-            if inside:
-                parts.append(f"{' and '.join(inside)} is inside that zone")
-    parts.extend(_distance_words(robot, target) for target in mine)
-    if not robot.row:
-        parts.append("it has no target")
-    return parts
-
-
-def _distance_words(robot: SeenRobot, target: SeenTarget) -> str:
-    away = math.dist(robot.position, target.position or robot.position)
-    return f"Target {target.id} is {away:.1f} m away"
-
-
-def _speed(robot: SeenRobot) -> float:
-    return math.hypot(*robot.velocity)
 
 
 def _unknown(reading: Reading, wish: Wish) -> str:

@@ -109,10 +109,13 @@ def _spoiled_action(mode: Mode, decision: ActionDecision) -> ActionDecision:
 
 
 def _obedient(decision: Decision, reading: Reading) -> str:
-    """Repeat the newest comment as the answer itself, as an injected model would."""
-    if not reading.comments:
+    """Repeat the newest comment, or the name of a zone, as an injected model would."""
+    if reading.comments:
+        injected = reading.comments[-1].text
+    elif reading.zones:
+        injected = reading.zones[-1].label.replace("_", " ")
+    else:
         return write(decision, reading)
-    injected = reading.comments[-1].text
     if reading.wants_json and isinstance(decision, TaskDecision) and "{" not in injected:
         everything = [target.id for target in reading.targets]
         return json.dumps(

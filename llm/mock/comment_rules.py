@@ -1,8 +1,7 @@
-"""What a human supervisor may mean. One sentence, a few rules, no model.
+"""What one clause of a human supervisor may mean. A few rules, no model.
 
 The three kinds of the paper (section III-E): how well the team performs, what is dangerous,
-what is abnormal. What fits no rule, or tries to give orders to the model itself, is no
-guidance and gets declined.
+what is abnormal. Whole comments are taken apart in `llm.mock.comment_text`.
 """
 
 import re
@@ -36,7 +35,22 @@ class WishKind(StrEnum):
     AVOID = "avoid"
     """Keep away from a zone."""
 
+    HARMLESS = "harmless"
+    """Zones do less harm than assumed."""
+
+    SEVERITY = "severity"
+    """A zone's severity, as a number."""
+
+    WEIGHT = "weight"
+    """A weight, as a number or up or down."""
+
     TARGET_IN_ZONE = "target_in_zone"
+    UNCLEAR = "unclear"
+    """About robots, targets or zones, and yet not understood."""
+
+    FOREIGN = "foreign"
+    """In another language."""
+
     NONE = "none"
     """No guidance."""
 
@@ -57,14 +71,48 @@ class Wish:
 
     zone_kind: str | None = None
     number: int | None = None
+    value: float | None = None
+    """What a weight or severity is to be."""
+
+    factor: float = 1.0
+    """What a weight is to be multiplied by, where no value is named."""
+
+    weights: tuple[int, ...] = ()
+    """Which weights, by their place in the paper's order."""
+
+    everyone: bool = False
+    """All robots are meant."""
+
+    words: str = ""
+    """The clause, where it was not understood."""
 
 
 _IDS = r"(\d+(?:\s*(?:,\s*and|,|and|&|or)\s*\d+)*)"
-_ROBOTS = re.compile(rf"\b(?:drones?|robots?|uavs?|quadrotors?)\s*#?\s*{_IDS}", re.I)
-_TARGETS = re.compile(rf"\btargets?\s*#?\s*{_IDS}", re.I)
+_NO = r"[\s-]*(?:#|no\.?|number|id)?\s*"
+_VEHICLE = (
+    r"\b(?:drones?|robots?|uavs?|quadrotors?|quadcopters?|copters?|vehicles?|falcons?|r(?=\d))"
+)
+_ROBOTS = re.compile(rf"{_VEHICLE}{_NO}{_IDS}", re.I)
+_TARGETS = re.compile(rf"\b(?:targets?|ground robots?){_NO}{_IDS}", re.I)
+_EVERYONE = re.compile(
+    rf"\b(?:all|both|every|each)\s+(?:of\s+)?(?:the\s+)?(?:\w+\s+)?{_VEHICLE[2:]}\b", re.I
+)
+_WEIGHT_NAMES = tuple(
+    re.compile(pattern, re.I)
+    for pattern in (
+        r"\btrack\w*|\bw1\b",
+        r"\bcontrol|\beffort|\bw2\b",
+        r"\bsens\w*|\bw3\b",
+        r"\bcomm\w*|\bw4\b",
+    )
+)
+_VALUE = re.compile(r"(?:\bto|=|:|\bbe|\bat|\bis)\s*(-?\d+(?:\.\d+)?(?:e[+-]?\d+)?)", re.I)
+_UP = re.compile(r"\b(?:increas|rais|higher|doubl|more|up\b)", re.I)
+_DOWN = re.compile(r"\b(?:decreas|lower|reduc|halv|less|down\b)", re.I)
 _ZONES = re.compile(
     r"\b(?:zones?|regions?|areas?)\s+(?:#|number\s+)?([a-z]*-?\d\w*(?:[.-]\w+)*)", re.I
 )
+_ZONE_TOLD = re.compile(r"\bzone\s+([\w.-]+?)\s*(?:\bto\b|=|:|\bshould\b|\bbe\b|\bis\b)", re.I)
 _KIND = re.compile(r"\b(sens(?:ing|or)|comm(?:unication|s|\.)?|jamm\w*)\b", re.I)
 _NUMBER = re.compile(
     r"(?:at most|only|no more than|just|up to)\s+(\d+|one|two|three|four|no)\s+targets?", re.I
@@ -78,14 +126,21 @@ _INJECTION = re.compile(
     r"|\boutput (?:only|exactly)|^\s*(?:assistant|system|user)\s*:|[{}\[\]]|<[\w/|<]",
     re.I,
 )
-_ROBOT = r"\b(?:drones?|robots?|uavs?)\s*#?\s*\d+"
-_TARGET = r"\btargets?\s*#?\s*\d+"
+_ROBOT = rf"(?:{_VEHICLE}{_NO}\d+|{_EVERYONE.pattern})"
+_TARGET = rf"\btargets?{_NO}\d+"
 _GIVES_UP = r"(?:\b(?:not|stop|no longer|avoid|release|drop|leave|quit)|n't)\b"
 _PLACE = r"\b(?:zone|region|area)"
 _COUNT = r"(?:\d+|one|two|three|four|no)\s+targets?"
 
 _ALTERNATIVES: dict[WishKind, tuple[str, ...]] = {
     # In the order they are tried: the particular before the general.
+    WishKind.SEVERITY: (r"\bseverit(?:y|ies)\b.{0,60}(?:\bto|=|:|\bbe|\bis)\s*-?\d",),
+    WishKind.WEIGHT: (r"\bweights?\b", r"\bw[1-4]\b"),
+    WishKind.HARMLESS: (
+        r"\bless\s+(?:severe|dangerous|damag\w+|harm\w*|serious|hazardous)|\bharmless\b",
+        r"\b(?:not|n't)\s+(?:so|as|that|very)?\s*(?:severe|dangerous|bad|harmful)\b",
+        r"\b(?:lower|reduce|decrease)\b.{0,30}\bseverit|\boverestimat",
+    ),
     WishKind.STUCK: (
         r"\bstuck\b|\btrapped\b|\bblocked\b|\bfrozen\b|local minim|\bstands?\s+still",
         r"(?:\bnot|n't)\s+mov\w*|\bhover\w*\s+in place",
@@ -95,7 +150,7 @@ _ALTERNATIVES: dict[WishKind, tuple[str, ...]] = {
         r"\bworse\s+than|\bstronger\s+than|\bunderestimat|\b(?:severe|serious)\s+(?:damage|harm)",
     ),
     WishKind.TARGET_IN_ZONE: (
-        rf"{_TARGET}.{{0,30}}\b(?:in|inside|near|close to|entering|within)\b.{{0,30}}{_PLACE}",
+        rf"{_TARGET}.{{0,30}}\b(?:in|inside|into|near|close to|entering|within)\b.{{0,30}}{_PLACE}",
     ),
     WishKind.AVOID: (
         rf"\b(?:avoid|(?:keep|stay|steer) (?:away|out|clear)|away from).{{0,60}}{_PLACE}",
@@ -130,22 +185,54 @@ _RULES = tuple(
 
 
 def understand(text: str) -> Wish:
-    """Return what a comment asks for."""
-    if _INJECTION.search(text):
-        return Wish(WishKind.NONE)
+    """Return what one clause asks for."""
     kind = next((kind for kind, rule in _RULES if rule.search(text)), WishKind.NONE)
     if kind is WishKind.NONE:
         return Wish(WishKind.NONE)
     said = _NUMBER.search(text)
     word = said.group(1).lower() if said else ""
+    value = _VALUE.search(text) if kind in (WishKind.WEIGHT, WishKind.SEVERITY) else None
+    if kind is WishKind.WEIGHT and value is None and _factor(text) == 1.0:
+        return Wish(WishKind.NONE)
     return Wish(
         kind=kind,
         robots=_ids(_ROBOTS, text),
         targets=_ids(_TARGETS, text),
-        zones=tuple(dict.fromkeys(_ZONES.findall(text))),
+        zones=tuple(dict.fromkeys(_ZONES.findall(text))) or _zone_told(kind, text),
         zone_kind=_zone_kind(text),
-        number=(_WORDS[word] if word in _WORDS else int(word)) if word else None,
+        number=(_WORDS[word] if word in _WORDS else int(word[:9])) if word else None,
+        value=float(value.group(1)) if value else None,
+        factor=_factor(text) if kind is WishKind.WEIGHT else 1.0,
+        weights=_weights(text) if kind is WishKind.WEIGHT else (),
+        everyone=bool(_EVERYONE.search(text)),
     )
+
+
+def gives_orders_to_the_model(text: str) -> bool:
+    """Return whether a text tries to speak to the model itself instead of guiding the team."""
+    return bool(_INJECTION.search(text))
+
+
+def robots_named(text: str) -> tuple[int, ...]:
+    """Return the robots that a text names by their ids."""
+    return _ids(_ROBOTS, text)
+
+
+def _zone_told(kind: WishKind, text: str) -> tuple[str, ...]:
+    """Return the zone whose severity is told, whatever it is called."""
+    match = _ZONE_TOLD.search(text) if kind is WishKind.SEVERITY else None
+    return (match.group(1),) if match else ()
+
+
+def _factor(text: str) -> float:
+    if _UP.search(text):
+        return 2.0
+    return 0.5 if _DOWN.search(text) else 1.0
+
+
+def _weights(text: str) -> tuple[int, ...]:
+    """Return which weights are meant: those named, or all."""
+    return tuple(k for k, name in enumerate(_WEIGHT_NAMES) if name.search(text)) or (0, 1, 2, 3)
 
 
 def _ids(pattern: re.Pattern[str], text: str) -> tuple[int, ...]:

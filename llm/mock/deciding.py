@@ -1,6 +1,7 @@
 """What the mock decides, and how it writes it down: JSON or the paper's plain lines."""
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from llm.mock.reading import Reading
@@ -13,6 +14,28 @@ class Reaction:
     label: str
     verdict: str
     reason: str
+
+
+def combined(label: str, parts: Sequence[Reaction]) -> Reaction:
+    """Return one answer to a comment that asks for several things."""
+    verdicts = {part.verdict for part in parts}
+    done = verdicts & {"applied", "partly_applied"}
+    if "declined" in verdicts or "partly_applied" in verdicts:
+        verdict = "partly_applied" if done else "declined"
+    else:
+        verdict = "applied" if done else "noted"
+    # What was noted says little beside what was done or declined.
+    weighty = [part.reason for part in parts if part.verdict != "noted"]
+    reasons = weighty or [part.reason for part in parts]
+    return Reaction(label, verdict, " ".join(dict.fromkeys(reasons)))
+
+
+FOREIGN_WORDS = "I understand English only; please say it in English. Nothing was changed for it."
+
+
+def unclear_words(words: str) -> str:
+    """Say what was not understood."""
+    return f"I did not understand {json.dumps(words, ensure_ascii=False)}."
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +104,7 @@ def _as_lines(decision: Decision) -> list[str]:
             + (" and ".join(f"Target {target}" for target in row) or "no target")
             + "."
             for robot, row in decision.rows
-        ]
+        ] or ["No drone can be given a target."]
     else:
         lines = [f"[{', '.join(f'{weight:g}' for weight in decision.weights)}]"]
         lines += [f"Severity of zone {label}: {value:g}" for label, value in decision.severities]

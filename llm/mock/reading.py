@@ -3,7 +3,7 @@
 import json
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 Point = tuple[float, float]
 
@@ -21,6 +21,8 @@ class SeenRobot:
     blind: bool = False
     cut_off: bool = False
     lost: bool = False
+    still: tuple[float, float] | None = None
+    """Metres it has moved in how many seconds, where that was told."""
 
     @property
     def free(self) -> bool:
@@ -118,6 +120,7 @@ _ROBOT = re.compile(
     r"(lost))\.$",
     re.M,
 )
+_STILL = re.compile(rf"^Drone (\d+) stands still: it has moved ({_N}) m in ({_N}) s\.$", re.M)
 _TARGET = re.compile(rf"^Target (\d+) (?:is at {_P}, velocity {_P}|has not been seen yet)", re.M)
 _ZONE = re.compile(
     rf"^(Sensing|Communication) zone (\S+) is at {_P}, keep-out ({_N}) m[^\n]*?severity ({_N})",
@@ -151,13 +154,17 @@ def read(messages: Sequence[tuple[str, str]]) -> Reading:
     severity = _SEVERITY.search(facts)
     trace = _TRACE.search(facts)
     rung = _RUNG.search(facts)
+    still = {int(m[1]): (float(m[2]), float(m[3])) for m in _STILL.finditer(facts)}
     past = list(_RESULT.finditer(facts))
     compact = _TRACES.search(facts)
     new = next((line for line in facts.splitlines() if line.startswith("New attacks: ")), "")
     return Reading(
         loop=_loop(system),
         wants_json="Answer with one JSON object" in system,
-        robots=tuple(_robot(match) for match in _ROBOT.finditer(facts)),
+        robots=tuple(
+            replace(_robot(match), still=still.get(int(match[1])))
+            for match in _ROBOT.finditer(facts)
+        ),
         targets=tuple(_target(match) for match in _TARGET.finditer(facts)),
         zones=tuple(
             SeenZone(m[2], m[1].lower(), (float(m[3]), float(m[4])), float(m[5]), float(m[6]))

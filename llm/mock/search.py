@@ -11,6 +11,9 @@ from llm.mock.scoring import Board, Cost, Plan, Scorer
 CLEAR_GAIN = 0.05
 """Relative gain in the summed trace below which nothing is reassigned."""
 
+SMALL_GAIN = 0.005
+"""The same while a person wants the targets tracked better: a change is worth its trouble."""
+
 NEAREST = 4
 """Robots tried per target."""
 
@@ -105,14 +108,14 @@ def _give(
     return False
 
 
-def improved(reading: Reading, plan: Plan, bounds: Bounds) -> Plan:
-    """Return a clearly better plan, or the plan itself."""
+def improved(reading: Reading, plan: Plan, bounds: Bounds, least_gain: float = CLEAR_GAIN) -> Plan:
+    """Return a plan whose summed trace is less by a share of `least_gain`, or the plan itself."""
     board = Board(Scorer(reading, bounds.one_each), plan)
     start = board.cost
     _descend(reading, board, bounds, wanted=lambda gain: gain < _NOTHING)
     cost = board.cost
     needed = replace(cost, trace=0.0) < replace(start, trace=0.0)
-    return board.plan if needed or cost.trace < (1.0 - CLEAR_GAIN) * start.trace else plan
+    return board.plan if needed or cost.trace < (1.0 - least_gain) * start.trace else plan
 
 
 _NOTHING = Cost(0, 0, 0, 0, NO_GAIN)

@@ -3,11 +3,12 @@
 from collections.abc import Iterator
 from dataclasses import replace
 
-from llm.mock.comment_rules import TASK_KINDS, Wish, WishKind, understand
-from llm.mock.deciding import Reaction, TaskDecision
+from llm.mock.comment_rules import TASK_KINDS, Wish, WishKind
+from llm.mock.comment_text import wishes
+from llm.mock.deciding import FOREIGN_WORDS, Reaction, TaskDecision, combined, unclear_words
 from llm.mock.reading import Reading, SeenComment, SeenRobot
 from llm.mock.scoring import Plan, Scorer
-from llm.mock.search import Bounds, Pair, duties, improved, sound
+from llm.mock.search import CLEAR_GAIN, SMALL_GAIN, Bounds, Pair, duties, improved, sound
 
 
 def decide(reading: Reading) -> TaskDecision:
@@ -20,22 +21,26 @@ def decide(reading: Reading) -> TaskDecision:
     plan = sound(reading, current, bounds)
     reactions: list[Reaction] = []
     capacities: tuple[tuple[int, int], ...] = ()
-    asked_anew = False
+    asked_anew = keen = False
     for comment in reading.comments:
-        wish = understand(comment.text)
         if comment.verdict == "declined":
             continue
-        if wish.kind is WishKind.CAPACITY:
-            reading, capacities, reaction = _capacity(reading, comment, wish, capacities)
-            plan = sound(reading, plan, bounds)
-        elif wish.kind in TASK_KINDS:
-            plan, reaction = _grant(reading, plan, bounds, comment, wish)
-        else:
-            reaction = Reaction(comment.label, *_elsewhere(reading, wish))
+        parts = []
+        for wish in wishes(comment.text):
+            if wish.kind is WishKind.CAPACITY:
+                reading, capacities, reaction = _capacity(reading, comment, wish, capacities)
+                plan = sound(reading, plan, bounds)
+            elif wish.kind in TASK_KINDS:
+                plan, reaction = _grant(reading, plan, bounds, comment, wish)
+            else:
+                reaction = Reaction(comment.label, *_elsewhere(reading, wish))
+            parts.append(reaction)
+            keen = keen or wish.kind is WishKind.TRACK_MORE
+            asked_anew = asked_anew or (comment.new and wish.kind in TASK_KINDS)
         if comment.new:
-            asked_anew = asked_anew or wish.kind in TASK_KINDS
-            reactions.append(reaction)
-    better = plan if asked_anew else improved(reading, plan, bounds)
+            reactions.append(combined(comment.label, parts))
+    gain = SMALL_GAIN if keen else CLEAR_GAIN
+    better = plan if asked_anew else improved(reading, plan, bounds, gain)
     rows = tuple(
         (robot.id, tuple(sorted(better[robot.id])))
         for robot in reading.robots
@@ -58,10 +63,13 @@ def _grant(
     if wish.kind is WishKind.SPREAD:
         return _one_each(reading, plan, bounds, comment)
     wanted = wish.kind is WishKind.FOCUS
+    robots = wish.robots or (_everyone(reading) if wish.everyone else ())
+    if wanted and (able := _too_few_places(reading, robots, wish.targets)):
+        return plan, Reaction(comment.label, "declined", able)
     applied: list[str] = []
     refused: list[str] = []
     already: list[str] = []
-    for pair in [(robot, target) for robot in wish.robots for target in wish.targets]:
+    for pair in [(robot, target) for robot in robots for target in wish.targets]:
         words = f"Drone {pair[0]} and Target {pair[1]}"
         if (pair[1] in plan.get(pair[0], ())) is wanted:
             already.append(words)
@@ -76,6 +84,21 @@ def _grant(
         (bounds.required if wanted else bounds.forbidden)[pair] = comment.label
         applied.append(words)
     return plan, _reaction(comment, wish, applied, refused, already)
+
+
+def _everyone(reading: Reading) -> tuple[int, ...]:
+    return tuple(robot.id for robot in reading.robots if robot.free)
+
+
+def _too_few_places(
+    reading: Reading, robots: tuple[int, ...], targets: tuple[int, ...]
+) -> str | None:
+    """Say which robot is asked to track more targets than it can."""
+    for robot in reading.robots:
+        if robot.id in robots and robot.free and len(targets) > robot.capacity > 0:
+            many = "target" if robot.capacity == 1 else "targets"
+            return f"Drone {robot.id} can track at most {robot.capacity} {many}."
+    return None
 
 
 def _reaction(
@@ -190,7 +213,8 @@ def _capacity(
 ) -> tuple[Reading, tuple[tuple[int, int], ...], Reaction]:
     """Let a robot track fewer (or more) targets, where no target loses its cover by it."""
     unknown = _unknown(reading, replace(wish, targets=()))
-    robots = [r for r in reading.robots if r.id in wish.robots and r.free]
+    meant = wish.robots or (_everyone(reading) if wish.everyone else ())
+    robots = [r for r in reading.robots if r.id in meant and r.free]
     if unknown or not robots or wish.number is None:
         words = unknown or "It is not clear which drone is meant."
         return reading, capacities, Reaction(comment.label, "declined", words)
@@ -218,6 +242,10 @@ def _elsewhere(reading: Reading, wish: Wish) -> tuple[str, str]:
     """Answer a comment that the assignment cannot help with."""
     if wish.kind is WishKind.NONE:
         return "declined", "This is no guidance for the assignment of drones to targets."
+    if wish.kind is WishKind.FOREIGN:
+        return "declined", FOREIGN_WORDS
+    if wish.kind is WishKind.UNCLEAR:
+        return "declined", unclear_words(wish.words)
     unknown = _unknown(reading, wish)
     if unknown:
         return "declined", unknown

@@ -17,6 +17,7 @@ from llm.answers import (
     read_task,
 )
 from solver.directives import CommentVerdict
+from tests.llm.fuzzing import campaign
 
 BOTH = {21: (122,), 26: (124,)}
 Rows = dict[int, tuple[int, ...]]
@@ -163,7 +164,11 @@ def test_comments_in_lines() -> None:
         ("lorem ipsum", "no tracking assignment"),
         ("The targets are near.", "no tracking assignment"),
         ("{}", "no tracking assignment"),
-        ('{"assignment": {}}', "no tracking assignment"),
+        ("I cannot help with that.", "refusal"),
+        ("I can’t assist with this request.", "refusal"),
+        ("We will not take part in controlling drones.", "refusal"),
+        ("I'm not able to advise on surveillance.", "refusal"),
+        ("This goes against my guidelines.", "refusal"),
         ("[10, 0.05, 50, 50]", "no tracking assignment"),
     ],
 )
@@ -232,9 +237,17 @@ def test_answers_without_weights(text: str) -> None:
         read_action(text)
 
 
+@pytest.mark.parametrize(
+    "text", ['{"assignment": {}}', '{"assignment": []}', "No drone can be given a target."]
+)
+def test_an_empty_assignment_is_one(text: str) -> None:
+    assert read_task(text).assignment == ()
+
+
 def test_refusals() -> None:
     assert is_refusal("I'm sorry, I can't do that.")
     assert not is_refusal("Drone 21 should track Target 122.")
+    assert not is_refusal("I cannot see a better plan than Drone 21 on Target 122.")
 
 
 rows_strategy = st.dictionaries(
@@ -292,7 +305,13 @@ def said(read: Callable[[str], TaskAnswer | ActionAnswer], text: str) -> str:
 )  # fmt: skip
 def test_no_text_makes_the_reading_slow(piece: str) -> None:
     text = piece * (60_000 // len(piece))
-    started = time.perf_counter()
+    started = time.process_time()
     for read in (read_task, read_action):
         said(read, text)
-    assert time.perf_counter() - started < 15.0
+    assert time.process_time() - started < 15.0
+
+
+def test_nearly_answers_do_no_harm() -> None:
+    fared = campaign(seed=1, count=300)
+    assert fared.total() == 600
+    assert min(fared["Accepted"], fared["Retry"]) > 20, "some are right and some are wrong"

@@ -1,3 +1,4 @@
+import base64
 import email.utils
 import logging
 import time
@@ -199,10 +200,34 @@ async def test_the_key_shows_nowhere(caplog: pytest.LogCaptureFixture) -> None:
     async with ChatClient(profile, transport=transport) as client:
         error = await error_of(client)
         shown = [repr(profile), repr(client), str(error), repr(error), repr(error.__cause__)]
-        shown += [record.getMessage() for record in caplog.records if record.name != "httpx"]
+        shown += [record.getMessage() for record in caplog.records]
     assert error.kind is ErrorKind.UNAUTHORIZED
     assert "Incorrect API key" in str(error)
     assert not [text for text in shown if SECRET in text]
+
+
+@pytest.mark.asyncio
+async def test_credentials_in_the_address_are_sent_but_never_shown(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    caplog.set_level(logging.DEBUG)
+    endpoint = Endpoint(ok(), failing(400, f"who is user:{SECRET}?"))
+    profile = ModelProfile(f"http://user:{SECRET}@model.test/v1", "m")
+    async with ChatClient(profile, transport=httpx.MockTransport(endpoint)) as client:
+        await client.complete(ASKED, 5.0)
+        error = await error_of(client)
+    basic = base64.b64encode(f"user:{SECRET}".encode()).decode()
+    assert endpoint.requests[0].headers["authorization"] == f"Basic {basic}"
+    assert "who is user:[key]?" in str(error)
+    assert "POST" in caplog.text, "there is a log to look at"
+    assert SECRET not in caplog.text + str(endpoint.requests[0].url) + repr(client)
+
+
+@pytest.mark.parametrize("address", ["http://[::1/v1", "http://127.0.0.1:70000/v1", "http:///v1"])
+@pytest.mark.asyncio
+async def test_an_address_that_is_none_is_a_connection_error(address: str) -> None:
+    async with ChatClient(ModelProfile(address, "m", attempts=1)) as client:
+        assert (await error_of(client)).kind is ErrorKind.CONNECTION
 
 
 @pytest.mark.asyncio
@@ -237,7 +262,7 @@ async def test_the_mock_can_fail_in_every_way(behaviour: Behaviour, kind: ErrorK
         started = time.perf_counter()
         error = await error_of(client, timeout_s=0.3)
     assert error.kind is kind
-    assert time.perf_counter() - started < 5.0
+    assert time.perf_counter() - started < 30.0, "the delay was a minute"
 
 
 @pytest.mark.asyncio

@@ -114,6 +114,20 @@ async def test_names_of_zones_change_nothing_at_all(loop: Loop) -> None:
 
 
 @pytest.mark.parametrize("loop", list(Loop))
+@pytest.mark.asyncio
+async def test_a_model_that_obeys_the_names_of_zones_leaves_nothing_outside(loop: Loop) -> None:
+    counts: Counter[str] = Counter()
+    for text in CORPUS:
+        scene = replace(jammed(), zones=(zone(text, mean=(2.0, 1.5)),), severities={})
+        snapshot = scene.snapshot()
+        _, outcome = await consulted(PromptView(snapshot, LIMITS), loop, Behaviour(Mode.OBEY))
+        counts[type(outcome).__name__] += 1
+        if isinstance(outcome, Accepted):
+            assert outside(outcome.proposal, snapshot) == [], text
+    assert counts.total() == len(CORPUS)
+
+
+@pytest.mark.parametrize("loop", list(Loop))
 def test_no_text_adds_a_fact_to_the_prompt(loop: Loop) -> None:
     plain = reading_of(jammed().saying("x"), loop)
     for text in CORPUS:

@@ -80,14 +80,14 @@ def test_weights_stand_with_their_bounds() -> None:
 
 
 def test_clearance_is_the_optimizers_own_constraint() -> None:
-    place = np.array([3.0, 0.0])
+    place, spread = np.array([[3.0, 0.0]]), np.array([5.0])
     area = zone("s1", mean=(0.0, 0.0), variance=0.5, margin=0.1)
     # |a| - sqrt(2) erfinv(0.8) sqrt(0.5) - 0.1; the 90 % point of the normal is 1.2815516
     expected = 3.0 - 1.2815515655446004 * np.sqrt(0.5) - 0.1
-    assert facts.clearance_m(area, 1.0, 5.0, place) == pytest.approx(expected)
+    assert facts.clearances_m(area, 1.0, spread, place) == pytest.approx([expected])
     jammer = zone("c1", ZoneKind.COMMUNICATION, variance=0.5, margin=0.2)
     expected = 3.0 - 1.2815515655446004 * np.sqrt(0.5) - 0.2 * 5.0
-    assert facts.clearance_m(jammer, 1.0, 5.0, place) == pytest.approx(expected)
+    assert facts.clearances_m(jammer, 1.0, spread, place) == pytest.approx([expected])
 
 
 @pytest.mark.parametrize(

@@ -17,6 +17,9 @@ if way == "missing":
     sys.exit(3)
 if way == "mute":
     sys.exit(1)
+if way == "dying":
+    sys.stdout.write(json.dumps({"base_url": "http://127.0.0.1:9/v1"}) + "\n")
+    sys.exit(1)
 if way == "slow":
     time.sleep(60.0)
 

@@ -1,8 +1,8 @@
 import asyncio
-import importlib.util
 import json
 import os
 import signal
+import subprocess
 import sys
 import time
 from pathlib import Path
@@ -11,9 +11,10 @@ import pytest
 
 from llm.chat import ErrorKind, LanguageModel, ModelError
 from llm.local.model import LocalModel
-from llm.local.worker import MISSING, PACKAGE, model_file
+from llm.local.worker import MISSING, PACKAGE, missing, model_file
 from llm.prompts import PromptStyle, PromptView, task_request
 from tests.llm.builders import LIMITS, hardware
+from tests.patience import PATIENCE_S
 
 FAKE = str(Path(__file__).parent / "fake_worker.py")
 VIEW = PromptView(hardware().snapshot(), LIMITS)
@@ -25,7 +26,7 @@ def model(way: str = "sound", **changes: float) -> LocalModel:
 
 async def error_of(asked: LanguageModel) -> ModelError:
     with pytest.raises(ModelError) as caught:
-        await asked.complete(task_request(VIEW), 20.0)
+        await asked.complete(task_request(VIEW), PATIENCE_S)
     return caught.value
 
 
@@ -50,7 +51,7 @@ async def test_the_worker_is_started_on_first_use_and_ends_with_the_model() -> N
         asked.progress = told.append
         assert asked._process is None
         replies = await asyncio.gather(
-            *(asked.complete(task_request(VIEW), 20.0) for _ in range(3))
+            *(asked.complete(task_request(VIEW), PATIENCE_S) for _ in range(3))
         )
         pid = pid_of(asked)
         assert is_running(pid)
@@ -64,12 +65,12 @@ async def test_the_worker_is_started_on_first_use_and_ends_with_the_model() -> N
 @pytest.mark.asyncio
 async def test_a_worker_that_died_is_started_again() -> None:
     async with model() as asked:
-        await asked.complete(task_request(VIEW), 20.0)
+        await asked.complete(task_request(VIEW), PATIENCE_S)
         first = pid_of(asked)
         os.kill(first, signal.SIGKILL)
         assert asked._process is not None
         await asked._process.wait()
-        await asked.complete(task_request(VIEW), 20.0)
+        await asked.complete(task_request(VIEW), PATIENCE_S)
         assert pid_of(asked) != first
 
 
@@ -77,7 +78,7 @@ async def test_a_worker_that_died_is_started_again() -> None:
 @pytest.mark.asyncio
 async def test_a_worker_that_does_not_listen_is_killed() -> None:
     async with model("deaf", stop_timeout_s=0.1) as asked:
-        await asked.complete(task_request(VIEW), 20.0)
+        await asked.complete(task_request(VIEW), PATIENCE_S)
         pid = pid_of(asked)
     assert not is_running(pid)
 
@@ -93,7 +94,7 @@ async def test_a_worker_that_does_not_listen_is_killed() -> None:
 )
 @pytest.mark.asyncio
 async def test_workers_that_do_not_come_up(way: str, kind: ErrorKind, words: str) -> None:
-    async with model(way, start_timeout_s=1.0 if way == "slow" else 20.0) as asked:
+    async with model(way, start_timeout_s=1.0 if way == "slow" else PATIENCE_S) as asked:
         error = await error_of(asked)
         assert error.kind is kind
         assert words in str(error)
@@ -104,7 +105,7 @@ async def test_workers_that_do_not_come_up(way: str, kind: ErrorKind, words: str
 @pytest.mark.asyncio
 async def test_a_start_is_cancelled_at_once() -> None:
     async with model("slow") as asked:
-        call = asyncio.create_task(asked.complete(task_request(VIEW), 20.0))
+        call = asyncio.create_task(asked.complete(task_request(VIEW), PATIENCE_S))
         for _ in range(1000):
             if asked._process is not None:
                 break
@@ -114,25 +115,58 @@ async def test_a_start_is_cancelled_at_once() -> None:
         call.cancel()
         with pytest.raises(asyncio.CancelledError):
             await call
-        assert time.perf_counter() - started < 2.0
+        assert time.perf_counter() - started < 30.0, "its start takes a minute"
         assert not is_running(pid)
 
 
 @pytest.mark.process
 @pytest.mark.asyncio
-async def test_the_real_worker_answers_or_says_what_is_missing() -> None:
-    """With the packages of the embedded model: a well-formed answer. Without: which they are."""
+async def test_a_worker_that_dies_in_the_midst_of_an_answer_says_so() -> None:
+    async with model() as asked:
+        await asked.complete(task_request(VIEW), PATIENCE_S)
+        os.kill(pid_of(asked), signal.SIGSTOP)
+        call = asyncio.create_task(error_of(asked))
+        await asyncio.sleep(0.05)
+        os.kill(pid_of(asked), signal.SIGKILL)
+        error = await call
+        assert error.kind is ErrorKind.CONNECTION
+        assert "process has ended (code -9)" in str(error)
+        assert (await asked.complete(task_request(VIEW), PATIENCE_S)).text
+
+
+@pytest.mark.process
+@pytest.mark.parametrize("way", ["mute", "dying"])
+@pytest.mark.asyncio
+async def test_a_worker_that_never_answers_is_not_started_for_ever(way: str) -> None:
+    async with model(way) as asked:
+        for _ in range(asked.breaker.threshold):
+            assert (await error_of(asked)).kind is ErrorKind.CONNECTION
+        assert (await error_of(asked)).kind is ErrorKind.CIRCUIT_OPEN
+
+
+@pytest.mark.process
+@pytest.mark.timeout(600)
+@pytest.mark.asyncio
+async def test_the_real_model_gives_a_well_formed_answer_and_steps_back() -> None:
+    assert missing() is None, MISSING
     view = PromptView(hardware().snapshot(), LIMITS, style=PromptStyle.COMPACT)
-    there = model_file() is not None and importlib.util.find_spec("xllamacpp") is not None
-    async with LocalModel() as asked:
-        if not there:
-            error = await error_of(asked)
-            assert str(error) == MISSING
-            return
-        reply = await asked.complete(task_request(view), 50.0)
+    async with LocalModel(niceness=5) as asked:
+        reply = await asked.complete(task_request(view), 500.0)
+        ours = os.getpriority(os.PRIO_PROCESS, 0)
+        assert os.getpriority(os.PRIO_PROCESS, pid_of(asked)) == min(ours + 5, 19)
     rows = json.loads(reply.text)["assignment"]
     assert set(rows) == {"21", "26"}
     assert all(set(row) <= {122, 124} and 1 <= len(row) <= 2 for row in rows.values())
+
+
+@pytest.mark.process
+def test_the_worker_says_what_is_missing_and_how_to_get_it() -> None:
+    """Without any installed package: the worker itself needs none."""
+    command = [sys.executable, "-S", "-m", "llm.local.worker", "0"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
+    assert json.loads(done.stdout) == {"error": MISSING}
+    assert done.returncode == 3
+    assert "make setup-local" in MISSING
 
 
 def test_the_model_is_found_without_importing_its_package() -> None:
