@@ -8,11 +8,9 @@ with its own filter and knowledge), *no planner* (nothing is heard, nothing jams
 
 import asyncio
 import logging
-from dataclasses import dataclass, field
 from enum import StrEnum
 
 from solver.observations import Detections, RobotState
-from solver.problem import Budget
 from solver.setpoints import Setpoint
 from vehicles import messages as wire
 from vehicles import translation
@@ -23,10 +21,15 @@ from vehicles.inbox import Inbox, Sample
 from vehicles.keys import DOWNWARD, TeamKeys, Topic
 from vehicles.onboard import OnboardPilot
 from vehicles.onboard_flight import OnboardFlight
+from vehicles.repetition import Repetition
 from vehicles.reporter import Reporter
 from vehicles.senses import Recovered, Senses, Struck
+from vehicles.settings import AgentSettings
 
 logger = logging.getLogger(__name__)
+
+ORDERS_PER_STEP = 500
+"""Orders that one step obeys; a flood of them must not keep the vehicle from holding."""
 
 FLOWN = frozenset({wire.Mode.HOLDING, wire.Mode.FLYING})
 """Modes of a body in which it takes setpoints."""
@@ -41,36 +44,6 @@ class Alone(StrEnum):
 
     JAMMED = "jammed"
     NO_PLANNER = "no planner"
-
-
-@dataclass(frozen=True, slots=True)
-class AgentSettings:
-    """How an agent behaves. Seconds."""
-
-    planner_silent_s: float = 0.5
-    """Without a heartbeat for longer there is no planner."""
-
-    autonomous_s: float = 0.0
-    """How long it flies alone when there is no planner; 0 holds at once."""
-
-    onboard_ttl_s: float = 0.5
-    """Life time of a plan made on board."""
-
-    onboard_budget: Budget = field(default_factory=lambda: Budget(deadline_s=0.02))
-    plan_wait_s: float = 0.05
-    """How long a step waits for a plan on board."""
-
-    health_period_s: float = 1.0
-    stale_state_s: float = 0.5
-    """An older state of the body is not told."""
-
-    duplicate_wait_s: float = 2.0
-    """How long a token left by an earlier run may take to disappear."""
-
-    conflict_s: float = 2.0
-    """It holds for so long after another robot spoke under its id."""
-
-    max_events: int = 1000
 
 
 class VehicleAgent:
@@ -105,7 +78,7 @@ class VehicleAgent:
         self._flight = OnboardFlight(pilot, settings.onboard_budget, settings.plan_wait_s)
         self._reporter = Reporter(bus, keys, self.robot_id, boot, settings.max_events)
         self._guard = SetpointGuard(self.robot_id)
-        self._inbox = Inbox(keys.delivery)
+        self._inbox = Inbox(keys.delivery, per_drain=ORDERS_PER_STEP)
         self._declared: list[Subscription] = []
         self._alone: Alone | None = None
         self._order: tuple[wire.Order, str] | None = None
@@ -114,6 +87,7 @@ class VehicleAgent:
         self._conflict_s: float | None = None
         self._health_s: float | None = None
         self._taken = self._refused = 0
+        self._refusals = Repetition(logger)
 
     async def start(self) -> None:
         """Announce the robot and listen.
@@ -173,8 +147,13 @@ class VehicleAgent:
                 sensing_failed=failures.sensing,
             )
             self._tell(state, own, now_s)
-        if not jammed and self._hears_planner(now_s):
+        # An event goes out right after a heartbeat came in: a link that has just died takes none
+        # along.
+        if not jammed and self._heartbeat_s == now_s:
             self._reporter.flush(now_s)
+        elif not jammed and self._order is not None and not self._hears_planner(now_s):
+            # Somebody else gave the order, and waits.
+            self._reporter.answer(self._order[1], now_s)
 
     # ------------------------------------------------------------------ what is heard
 
@@ -199,7 +178,7 @@ class VehicleAgent:
                     pass
         except wire.MessageError as error:
             self._refused += 1
-            logger.warning("robot %d refuses a message: %s", self.robot_id, error)
+            self._refusals.warn(now_s, "robot %d refuses a message: %s", self.robot_id, error)
 
     def _take_setpoint(self, message: wire.Setpoint, now_s: float) -> None:
         refusal = self._guard.refusal(message, now_s)
@@ -251,6 +230,7 @@ class VehicleAgent:
 
     def _suffer(self, now_s: float) -> None:
         for event in self._body.take_events():
+            logger.info("robot %d: %s: %s", self.robot_id, event.kind.value, event.text)
             notice = wire.NoticePart(
                 code=event.kind.value, text=event.text[:200], command_id=event.order_id
             )
@@ -327,6 +307,7 @@ class VehicleAgent:
                 command_id=self._order[1] if self._ordered and self._order else None,
             )
             self._reporter.note(now_s, part)
+            logger.info("robot %d: %s: %s", self.robot_id, mode.value, reason)
             self.mode = mode
         if state.age_s <= self._settings.stale_state_s:
             self._reporter.state(own, mode, now_s)
@@ -345,6 +326,8 @@ class VehicleAgent:
                 return f"{self._alone}, and no plan to fly by"
             if not self._hears_planner(now_s):
                 return "no planner is heard"
+            if not self._taken:
+                return "the planner sends it nothing: is it of this team?"
         return state.reason[:200]
 
     def _tell_health(self, state: BodyState, reason: str, now_s: float) -> None:

@@ -37,6 +37,12 @@ class BodyEventKind(StrEnum):
     POSITION_LOST = "position_lost"
     """It does not know where it is, or not in the common frame."""
 
+    STRANGER = "stranger"
+    """Another vehicle, or one with another id than was said, speaks on its link."""
+
+    NOISE = "noise"
+    """Much that comes over its link cannot be used."""
+
     REFUSED = "refused"
     """An order or a setpoint was not carried out."""
 

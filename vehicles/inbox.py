@@ -3,10 +3,12 @@
 Any thread offers, the loop drains. Of a *latest* key only the newest message waits, at the place
 in the order where it arrived; events wait in order. Memory is bounded whatever is sent: too many
 events or keys are dropped and counted, and the count is an alarm for the reader. However much
-arrives, the loop is woken once until it drains.
+arrives, the loop is woken once until it drains. One key cannot crowd the others out: its events are
+bounded for themselves, and a reader that must not be kept for long takes some of them at a time.
 """
 
 import asyncio
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
@@ -57,6 +59,9 @@ class Inbox:
             polls.
         max_events: More waiting events than this are dropped, the newest first.
         max_keys: More waiting *latest* keys than this are dropped.
+        max_per_key: More waiting events of one key than this are dropped, the newest first.
+        per_drain: Events of one key that one drain returns at most, None for all; the others keep
+            their place and wait for the next.
     """
 
     def __init__(
@@ -65,15 +70,20 @@ class Inbox:
         wake: Callable[[], None] | None = None,
         max_events: int = 10_000,
         max_keys: int = 20_000,
+        max_per_key: int = 2_000,
+        per_drain: int | None = None,
     ) -> None:
         self._delivery = delivery
         self._wake = wake
         self._max_events = max_events
         self._max_keys = max_keys
+        self._max_per_key = max_per_key
+        self._per_drain = per_drain
         self._lock = Lock()
         self._loop: asyncio.AbstractEventLoop | None = None
         self._latest: dict[str, Sample] = {}
         self._events: list[Sample] = []
+        self._counts: Counter[str] = Counter()
         self._armed = False
         self._dropped = 0
 
@@ -105,10 +115,14 @@ class Inbox:
                     self._dropped += 1
                     return
                 self._latest[sample.key] = sample
-            elif len(self._events) >= self._max_events:
+            elif (
+                len(self._events) >= self._max_events
+                or self._counts[sample.key] >= self._max_per_key
+            ):
                 self._dropped += 1
                 return
             else:
+                self._counts[sample.key] += 1
                 self._events.append(sample)
             if self._armed:
                 return
@@ -118,11 +132,30 @@ class Inbox:
     def drain(self) -> tuple[Sample, ...]:
         """Return what waits: events in order, then the newest of each *latest* key."""
         with self._lock:
-            samples = (*self._events, *self._latest.values())
-            self._events = []
+            events, self._events = self._events, []
+            self._counts = Counter()
+            if self._per_drain is not None:
+                events = self._share(events, self._per_drain)
+            samples = (*events, *self._latest.values())
             self._latest = {}
-            self._armed = False
+            self._armed = bool(self._events)
+            again = self._armed
+        if again:
+            self._call()
         return samples
+
+    def _share(self, events: list[Sample], most: int) -> list[Sample]:
+        """Return the first events of each key; the others wait on."""
+        taken: Counter[str] = Counter()
+        shared = []
+        for sample in events:
+            if taken[sample.key] < most:
+                taken[sample.key] += 1
+                shared.append(sample)
+            else:
+                self._counts[sample.key] += 1
+                self._events.append(sample)
+        return shared
 
     def _call(self) -> None:
         loop = self._loop

@@ -31,6 +31,9 @@ class Topic(StrEnum):
     ALIVE = "alive"
     TRUTH = "truth"
     CONTROL = "control"
+    POSE = "pose"
+    SENSES = "senses"
+    INCIDENTS = "incidents"
 
 
 UPWARD = (Topic.STATE, Topic.DETECTIONS, Topic.HEALTH, Topic.EVENTS)
@@ -39,7 +42,10 @@ UPWARD = (Topic.STATE, Topic.DETECTIONS, Topic.HEALTH, Topic.EVENTS)
 DOWNWARD = (Topic.SETPOINT, Topic.KNOWLEDGE, Topic.COMMAND)
 """Topics a robot listens to under its own id."""
 
-_EVENTS = frozenset({Topic.EVENTS, Topic.COMMAND, Topic.ALIVE, Topic.CONTROL})
+EXTERNAL = (Topic.POSE, Topic.SENSES, Topic.INCIDENTS)
+"""Topics between the simulated world and a robot that is flown elsewhere."""
+
+_EVENTS = frozenset({Topic.EVENTS, Topic.COMMAND, Topic.ALIVE, Topic.CONTROL, Topic.INCIDENTS})
 
 
 def delivery_of(topic: Topic) -> Delivery:
@@ -70,7 +76,8 @@ class TeamKeys:
         self._pattern = re.compile(
             rf"{re.escape(self._root)}/(?:robots/(?P<robot>\d{{1,10}})/(?P<topic>[a-z]+)"
             r"|alive/(?P<alive>\d{1,10})|planner/(?P<planner>heartbeat)"
-            r"|world/(?P<world>truth|control))"
+            r"|world/(?P<world>truth|control)"
+            r"|world/robots/(?P<external>\d{1,10})/(?P<link>pose|senses|incidents))"
         )
 
     def robot(self, robot_id: int | None, topic: Topic) -> str:
@@ -80,6 +87,15 @@ class TeamKeys:
     def alive(self, robot_id: int | None) -> str:
         """Return the key of one robot's liveliness token, of every robot's for None."""
         return f"{self._root}/alive/{'*' if robot_id is None else robot_id}"
+
+    def external(self, robot_id: int | None, topic: Topic) -> str:
+        """Return the key of one robot's link with the simulated world, of every robot's for None.
+
+        Args:
+            robot_id: A robot that is flown elsewhere.
+            topic: One of `EXTERNAL`.
+        """
+        return f"{self._root}/world/robots/{'*' if robot_id is None else robot_id}/{topic.value}"
 
     @property
     def heartbeat(self) -> str:
@@ -108,6 +124,8 @@ class TeamKeys:
             if topic not in (*UPWARD, *DOWNWARD):
                 return None
             return Address(Topic(topic), int(found["robot"]))
+        if found["external"] is not None:
+            return Address(Topic(found["link"]), int(found["external"]))
         return Address(Topic(found["planner"] or found["world"]), None)
 
     def delivery(self, key: str) -> Delivery:

@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass, field
 
+from solver.beliefs import FilterSettings
 from solver.directives import Weights
-from solver.estimation import FilterSettings
 from solver.exposure import FREE, Prices
 from solver.observations import OnboardTrack
 from solver.problem import Dynamics, SensorModel

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal, Self, TypeAlias, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from solver.estimation import MotionModel
+from solver.beliefs import MotionModel, NearField
 from solver.problem import Dynamics
 from solver.zones import ZoneKind
 
@@ -169,6 +169,7 @@ class FilterPart(Wire):
     gate_probability: Annotated[float, Field(gt=0.0, lt=1.0)] | None
     drop_after_s: Duration
     speed_variance: Annotated[float, Field(gt=0.0, le=1e9)]
+    near_field: NearField = NearField.MOMENTS
 
 
 class RulesPart(Wire):

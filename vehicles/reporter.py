@@ -81,6 +81,15 @@ class Reporter:
             at_s, part = self._pending.popleft()
             self._event(part, max(0.0, now_s - at_s), now_s)
 
+    def answer(self, command_id: str, now_s: float) -> None:
+        """Tell only what waits to be told of one order."""
+        waiting, self._pending = self._pending, deque()
+        for at_s, part in waiting:
+            if isinstance(part, wire.NoticePart) and part.command_id == command_id:
+                self._event(part, max(0.0, now_s - at_s), now_s)
+            else:
+                self._pending.append((at_s, part))
+
     def _event(self, part: Part, age_s: float, now_s: float) -> None:
         self._publish(
             Topic.EVENTS,

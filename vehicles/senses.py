@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import Protocol
 
 from solver.observations import Detections
@@ -42,6 +43,16 @@ class Senses(Protocol):
     def take_incidents(self) -> tuple[Incident, ...]:
         """Return what has befallen it since the last call, oldest first."""
         ...
+
+
+class Sight(StrEnum):
+    """Who sees targets for a vehicle that is not simulated."""
+
+    NONE = "none"
+    """Nobody: it flies, and others see."""
+
+    WORLD = "world"
+    """The simulated world, which also blinds and jams it (`vehicles.world_link`)."""
 
 
 class NoSenses:

@@ -16,14 +16,10 @@ import logging
 import signal
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
 from threading import Lock
-from typing import Final
 from uuid import uuid4
-
-from pydantic import TypeAdapter, ValidationError
 
 from solver import engines
 from solver.planner import Planner
@@ -33,28 +29,12 @@ from vehicles.bus import BusError
 from vehicles.keys import TeamKeys
 from vehicles.lifeline import end_within
 from vehicles.onboard import OnboardPilot
-from vehicles.simulation import Simulation, SimulationSettings
-from vehicles.world.setup import WorldSetup
+from vehicles.sim_job import SimulationJob, load_job
+from vehicles.simulation import Simulation
 from vehicles.zenoh_bus import ZenohBus
-from vehicles.zenoh_settings import ZenohSettings
 
 MAX_JOB = 64 << 20
 """Bytes of the longest job; replayed tracks are long."""
-
-
-@dataclass(frozen=True, slots=True)
-class SimulationJob:
-    """One world to simulate and where."""
-
-    world: WorldSetup
-    team: str
-    zenoh: ZenohSettings
-    simulation: SimulationSettings = field(default_factory=SimulationSettings)
-    engine: str | None = None
-    """For plans on board; None for the default of the machine."""
-
-
-_JOB: Final = TypeAdapter(SimulationJob)
 
 
 class Lifetime(StrEnum):
@@ -63,31 +43,6 @@ class Lifetime(StrEnum):
     SIGNAL = "signal"
     STDIN = "stdin"
     """The end of standard input."""
-
-
-class JobError(ValueError):
-    """Raised when a text is not a job; the message names the fields."""
-
-
-def dump_job(job: SimulationJob) -> str:
-    """Return a job as one line of JSON. It contains the bus's password, if there is one."""
-    return _JOB.dump_json(job).decode()
-
-
-def load_job(text: str | bytes) -> SimulationJob:
-    """Return the job that a JSON text describes.
-
-    Raises:
-        JobError: It is not JSON, a field is missing or wrong, or makes no sense.
-    """
-    try:
-        return _JOB.validate_json(text)
-    except ValidationError as error:
-        problems = (
-            f"{'.'.join(str(part) for part in problem['loc']) or 'job'}: {problem['msg']}"
-            for problem in error.errors(include_url=False, include_input=False)
-        )
-        raise JobError("; ".join(problems)) from None
 
 
 class SharedPlanner:
@@ -124,7 +79,9 @@ async def simulate(job: SimulationJob) -> None:
             boot=uuid4().hex[:16],
         )
         async with simulation:
-            ready = {"type": "ready", "robots": [robot.id for robot in job.world.robots]}
+            external = job.simulation.external
+            robots = [robot.id for robot in job.world.robots if robot.id not in external]
+            ready = {"type": "ready", "robots": robots}
             sys.stdout.write(json.dumps(ready) + "\n")
             sys.stdout.flush()
             await simulation.run()
@@ -146,8 +103,11 @@ async def _ended(stdin: asyncio.StreamReader | None) -> None:
         pass
 
 
-async def run(job_file: Path | None, lifetime: Lifetime) -> None:
+async def run(job_file: Path | None, lifetime: Lifetime, preload: str | None = None) -> None:
     """Read the job and simulate it until a signal, or the end of standard input if asked."""
+    if preload is not None:
+        with contextlib.suppress(engines.EngineUnavailable):  # the job's own engine may do
+            await asyncio.to_thread(engines.preload, preload)
     stdin = await _stdin() if job_file is None or lifetime is Lifetime.STDIN else None
     if job_file is not None:
         text = await asyncio.to_thread(job_file.read_bytes)
@@ -181,10 +141,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         default=Lifetime.SIGNAL,
         help="end when standard input is closed",
     )
+    parser.add_argument("--preload", metavar="ENGINE", help="load it before the job comes")
     given = parser.parse_args(arguments)
     logging.basicConfig(level=logging.INFO, stream=sys.stderr, format="%(levelname)s %(message)s")
     try:
-        asyncio.run(run(given.job, given.lifetime))
+        asyncio.run(run(given.job, given.lifetime, given.preload))
     except (BusError, DuplicateRobotError) as error:
         sys.stderr.write(f"sim: {error}\n")
         return 1

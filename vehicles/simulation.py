@@ -7,32 +7,26 @@ skipped and counted; the world's clock then falls behind the wall, never jumps.
 import asyncio
 import logging
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from solver.streams import Streams
 from solver.zones import ZoneKind
 from vehicles import messages as wire
 from vehicles import translation
-from vehicles.agent import AgentSettings, VehicleAgent
+from vehicles.agent import VehicleAgent
 from vehicles.bus import Bus, Subscription
+from vehicles.external import ExternalRobots
 from vehicles.inbox import Inbox, Sample
 from vehicles.jamming import JammableBus
 from vehicles.keys import TeamKeys
 from vehicles.onboard import OnboardPilot
+from vehicles.repetition import Repetition
+from vehicles.settings import SimulationSettings, check_external
 from vehicles.simulated import SimulatedBody, SimulatedSenses
 from vehicles.world.setup import WorldSetup
 from vehicles.world.world import World
 
 logger = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True, slots=True)
-class SimulationSettings:
-    """How a world is run."""
-
-    seed: int = 0
-    tick_s: float = 0.1
-    agent: AgentSettings = field(default_factory=AgentSettings)
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +49,9 @@ class Simulation:
         keys: The team's.
         pilot: Makes a robot's on-board pilot.
         boot: Names this run.
+
+    Raises:
+        ValueError: An external robot is none of the world's.
     """
 
     def __init__(
@@ -75,11 +72,14 @@ class Simulation:
         self._make_pilot = pilot
         self._sender = translation.Sender(boot)
         self._control = Inbox(keys.delivery)
+        self._refusals = Repetition(logger)
         self._state = wire.WorldState.RUNNING
         self._seed = settings.seed
         self._resets = 0
         self._world = World(setup, Streams(settings.seed))
         self._puppets: dict[int, Puppet] = {}
+        check_external(setup, settings.external)
+        self._external = ExternalRobots(settings.external, bus, keys, boot)
         self._listening: Subscription | None = None
 
     @property
@@ -89,11 +89,13 @@ class Simulation:
 
     async def __aenter__(self) -> "Simulation":
         self._listening = await self._bus.subscribe(self._keys.control, self._control)
+        await self._external.__aenter__()
         await self._populate()
         return self
 
     async def __aexit__(self, *exception: object) -> None:
         await self._depopulate()
+        await self._external.__aexit__()
         if self._listening is not None:
             await self._listening.close()
 
@@ -118,11 +120,12 @@ class Simulation:
             now_s: This machine's monotonic clock.
         """
         for sample in self._control.drain():
-            await self._obey(sample)
+            await self._obey(sample, now_s)
         running = self._state is wire.WorldState.RUNNING
+        self._external.place(self._world, now_s)
         if running:
-            for event in self._world.attack(self.settings.tick_s):
-                self._puppets[event.robot_id].senses.befall(event)
+            self._attack(now_s)
+        self._external.tell_senses(self._world, now_s, looking=running)
         for robot_id, puppet in self._puppets.items():
             puppet.senses.looking = running
             puppet.bus.jammed = self._world.failures(robot_id).communication
@@ -140,10 +143,21 @@ class Simulation:
 
     # ------------------------------------------------------------------ inside
 
+    def _attack(self, now_s: float) -> None:
+        """Let the zones strike, and tell whom they struck."""
+        for event in self._world.attack(self.settings.tick_s, self._external.absent(now_s)):
+            puppet = self._puppets.get(event.robot_id)
+            if puppet is None:
+                self._external.befall(event, now_s)
+            else:
+                puppet.senses.befall(event)
+
     async def _populate(self) -> None:
         """Give every robot its body and agent, and announce them."""
         boot = f"{self._boot}-{self._resets}"
         for robot in self.setup.robots:
+            if robot.id in self.settings.external:
+                continue
             bus = JammableBus(self._bus)
             body = SimulatedBody(robot, self._world)
             senses = SimulatedSenses(robot.id, self._world)
@@ -172,11 +186,11 @@ class Simulation:
         for puppet in puppets.values():
             await puppet.agent.close()
 
-    async def _obey(self, sample: Sample) -> None:
+    async def _obey(self, sample: Sample, now_s: float) -> None:
         try:
             control = wire.decode(wire.WorldControl, sample.payload)
         except wire.MessageError as error:
-            logger.warning("the world refuses an order: %s", error)
+            self._refusals.warn(now_s, "the world refuses an order: %s", error)
             return
         match control.action:
             case wire.WorldAction.PAUSE:

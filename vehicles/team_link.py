@@ -26,11 +26,15 @@ from vehicles.inbox import Inbox, Sample, SampleKind
 from vehicles.keys import TeamKeys, Topic
 from vehicles.knowledge import Knowledge
 from vehicles.link_monitor import LinkMonitor, LinkSettings, Standing
+from vehicles.repetition import Repetition
 
 logger = logging.getLogger(__name__)
 
 FRESH_S = 1.0
 """Tracks that a robot brings are fused when they are no older."""
+
+EVENTS_PER_TICK = 100
+"""Events of one robot that one drain takes (a millisecond); a robot that floods delays itself."""
 
 MAX_NOTICES = 1000
 """Notices that wait, and refusals that are told, at most."""
@@ -94,10 +98,11 @@ class TeamLink:
         """Messages refused since the start: not valid, of unknown robots or of second runs."""
 
         self._bus, self._keys, self._clock = bus, keys, clock
+        self._refusals = Repetition(logger)
         self._monitor = LinkMonitor(robot_ids, settings, clock())
         self._sender = translation.Sender(boot)
         self._latest = Inbox(keys.delivery)
-        self._events = Inbox(keys.delivery, self.wake.set)
+        self._events = Inbox(keys.delivery, self.wake.set, per_drain=EVENTS_PER_TICK)
         self._seqs: dict[str, tuple[str, int]] = {}
         self._notices: list[Notice] = []
         self._warned: set[tuple[int, str]] = set()
@@ -171,7 +176,7 @@ class TeamLink:
         try:
             return wire.decode(wire.Truth, self._truth)
         except wire.MessageError as error:
-            logger.warning("the world's truth is refused: %s", error)
+            self._refusals.warn(self._clock(), "the world's truth is refused: %s", error)
             self._truth = None
             return None
 
@@ -186,11 +191,14 @@ class TeamLink:
             message = translation.setpoint_message(header, setpoint, mission)
             self._bus.publish(key, wire.encode(message))
 
-    def send_knowledge(self, known: Knowledge) -> None:
-        """Send one robot what it should know when it is cut off."""
-        key = self._keys.robot(known.robot_id, Topic.KNOWLEDGE)
-        header = self._sender.header(key, self._clock())
-        self._bus.publish(key, wire.encode(translation.knowledge_message(header, known)))
+    def send_knowledge(self, *known: Knowledge) -> None:
+        """Send each robot what it should know when it is cut off."""
+        mates = translation.MateParts()
+        for one in known:
+            key = self._keys.robot(one.robot_id, Topic.KNOWLEDGE)
+            header = self._sender.header(key, self._clock())
+            message = translation.knowledge_message(header, one, mates)
+            self._bus.publish(key, wire.encode(message))
 
     def send_heartbeat(
         self, mission: str, tick: int, time_s: float, state: wire.PlannerState
@@ -223,6 +231,11 @@ class TeamLink:
         self._bus.publish(key, wire.encode(wire.WorldControl(**header, action=action, seed=seed)))
 
     # ------------------------------------------------------------------ inside
+
+    @property
+    def dropped(self) -> int:
+        """Messages for which there was no room, since the start."""
+        return self._latest.dropped + self._events.dropped
 
     async def _subscribe(self, key_expr: str, inbox: Inbox) -> None:
         self._declared.append(await self._bus.subscribe(key_expr, inbox))

@@ -7,15 +7,16 @@ from math import pi
 from typing import Any
 
 from solver import observations as facts
+from solver.beliefs import FilterSettings
 from solver.directives import Weights
-from solver.estimation import FilterSettings
 from solver.exposure import Prices
 from solver.problem import SensorModel
 from solver.setpoints import Setpoint
 from solver.zones import Zone, ZoneKind
 from vehicles import messages as wire
+from vehicles import world_messages
 from vehicles.knowledge import FlightRules, Knowledge, Mate
-from vehicles.world.state import Truth
+from vehicles.world.state import Failures, Hit, Truth, WorldEvent
 
 
 class Sender:
@@ -103,19 +104,24 @@ def state_of(message: wire.State) -> facts.RobotState:
 
 
 def detections_message(header: dict[str, Any], seen: facts.Detections) -> wire.Detections:
-    """Return what a robot saw for the wire; bearings are within [-pi, pi]."""
+    """Return what a robot saw for the wire."""
     return wire.Detections(
         **header,
         robot_id=seen.robot_id,
         position=seen.position,
-        sightings=tuple(
-            wire.SightingPart(
-                target_id=one.target_id,
-                range_m=one.range_m,
-                bearing_rad=min(max(one.bearing_rad, -pi), pi),
-            )
-            for one in seen.sightings
-        ),
+        sightings=sighting_parts(seen),
+    )
+
+
+def sighting_parts(seen: facts.Detections) -> tuple[wire.SightingPart, ...]:
+    """Return sightings for the wire; bearings are within [-pi, pi]."""
+    return tuple(
+        wire.SightingPart(
+            target_id=one.target_id,
+            range_m=one.range_m,
+            bearing_rad=min(max(one.bearing_rad, -pi), pi),
+        )
+        for one in seen.sightings
     )
 
 
@@ -185,8 +191,29 @@ def setpoint_of(message: wire.Setpoint) -> Setpoint:
     )
 
 
-def knowledge_message(header: dict[str, Any], known: Knowledge) -> wire.Knowledge:
-    """Return what a robot is told of the team, for the wire. The time of the tracks is now."""
+class MateParts:
+    """Team mates for the wire, each made once however many robots are told of it."""
+
+    def __init__(self) -> None:
+        # By identity: hashing what a mate says takes as long as making its part. The mate is
+        # kept, so that no other object can get its identity.
+        self._made: dict[int, tuple[Mate, wire.MatePart]] = {}
+
+    def of(self, mates: tuple[Mate, ...]) -> tuple[wire.MatePart, ...]:
+        """Return mates for the wire."""
+        made = self._made
+        for mate in mates:
+            if id(mate) not in made:
+                part = wire.MatePart(robot_id=mate.robot_id, position=mate.position)
+                made[id(mate)] = (mate, part)
+        return tuple([made[id(mate)][1] for mate in mates])
+
+
+def knowledge_message(header: dict[str, Any], known: Knowledge, mates: MateParts) -> wire.Knowledge:
+    """Return what a robot is told of the team, for the wire. The time of the tracks is now.
+
+    `mates` remembers what was said of team mates to others in the same round.
+    """
     rules, weights = known.rules, known.weights
     sensor, settings = rules.sensor, rules.filter
     return wire.Knowledge(
@@ -217,6 +244,7 @@ def knowledge_message(header: dict[str, Any], known: Knowledge) -> wire.Knowledg
                 gate_probability=settings.gate_probability,
                 drop_after_s=settings.drop_after_s,
                 speed_variance=settings.speed_variance,
+                near_field=settings.near_field,
             ),
         ),
         weights=(weights.tracking, weights.control, weights.sensing, weights.communication),
@@ -224,9 +252,7 @@ def knowledge_message(header: dict[str, Any], known: Knowledge) -> wire.Knowledg
         tracks=tuple(track_part(track) for track in known.tracks),
         zones=tuple(zone_part(zone) for zone in known.zones),
         severities=known.severities,
-        mates=tuple(
-            wire.MatePart(robot_id=mate.robot_id, position=mate.position) for mate in known.mates
-        ),
+        mates=mates.of(known.mates),
         prices=(known.prices.sensing, known.prices.communication),
     )
 
@@ -291,4 +317,34 @@ def truth_message(
         ),
         zones=tuple(zone_part(zone) for zone in truth.zones),
         hits=hits,
+    )
+
+
+def senses_message(
+    header: dict[str, Any],
+    state: facts.RobotState,
+    failures: Failures,
+    seen: facts.Detections | None,
+) -> world_messages.Senses:
+    """Return what a robot that is flown elsewhere can do and sees, for the wire."""
+    return world_messages.Senses(
+        **header,
+        robot_id=state.robot_id,
+        sensing_failed=failures.sensing,
+        jammed=failures.communication,
+        position=state.position,
+        sightings=None if seen is None else sighting_parts(seen),
+    )
+
+
+def incident_message(header: dict[str, Any], event: WorldEvent) -> world_messages.Incident:
+    """Return what the world did to a robot that is flown elsewhere, for the wire."""
+    zone = event.zone if isinstance(event, Hit) else None
+    happening = world_messages.Happening
+    return world_messages.Incident(
+        **header,
+        robot_id=event.robot_id,
+        happening=happening.STRUCK if isinstance(event, Hit) else happening.RECOVERED,
+        kind=event.kind,
+        zone=None if zone is None else zone_part(zone),
     )

@@ -3,7 +3,9 @@
 Zenoh calls back on threads of its own and its calls may block, so: callbacks only put into an
 inbox; opening, closing and declaring happen in worker threads; *latest* messages are put from
 the event loop with the congestion control that drops, which never blocks (a few microseconds);
-events, which must not be dropped, are put by one writer thread that may wait.
+events, which must not be dropped, are put by one writer thread that may wait. So are *latest*
+messages of more than one network batch: Zenoh waits between their fragments. Of those too only
+the newest per key waits.
 """
 
 import asyncio
@@ -22,6 +24,7 @@ import zenoh
 from vehicles.bus import BusError
 from vehicles.inbox import Receiver, Sample, SampleKind
 from vehicles.keys import Delivery
+from vehicles.zenoh_refusal import refusal
 from vehicles.zenoh_settings import ZenohSettings, configuration
 
 logger = logging.getLogger(__name__)
@@ -31,6 +34,12 @@ ATTEMPT_MS = 1000
 
 MAX_WAITING = 10_000
 """Events that wait for the writer thread; more are dropped and counted."""
+
+WHOLE_BYTES = 48 << 10
+"""A message up to so long goes in one batch (64 KiB with what Zenoh adds)."""
+
+TELL_AFTER_S, TELL_EVERY_S = 5.0, 60.0
+"""When a session that waits for its first connection says so in the log."""
 
 ResultT = TypeVar("ResultT")
 
@@ -75,6 +84,7 @@ class ZenohBus:
         self._writer: ThreadPoolExecutor | None = None
         self._lock = Lock()
         self._waiting = 0
+        self._long: dict[str, bytes] = {}
         self._dropped = 0
         self._endpoints: tuple[str, ...] = ()
         self._held: set[Declared] = set()
@@ -95,6 +105,9 @@ class ZenohBus:
         Raises:
             BusError: Nothing could be reached, or listened on, in time.
         """
+        if self.settings.is_exposed:
+            where = ", ".join(self.settings.listen)
+            logger.warning("whoever reaches %s may fly this team: set users or mutual TLS", where)
         self._session = await self._opened()
         self._writer = ThreadPoolExecutor(max_workers=1, thread_name_prefix="zenoh-writer")
         try:
@@ -117,15 +130,25 @@ class ZenohBus:
         session, writer = self._session, self._writer
         if session is None or writer is None:
             raise BusError("the Zenoh session is not open: use it inside `async with`")
-        if self._delivery(key) is Delivery.LATEST:
+        latest = self._delivery(key) is Delivery.LATEST
+        if latest and len(payload) <= WHOLE_BYTES:
             session.put(key, payload, congestion_control=zenoh.CongestionControl.DROP)
             return
         with self._lock:
-            if self._waiting >= MAX_WAITING:
+            if latest:
+                waits = key in self._long
+                self._long[key] = payload
+                if waits:
+                    return
+            elif self._waiting >= MAX_WAITING:
                 self._dropped += 1
                 return
-            self._waiting += 1
-        writer.submit(self._write, session, key, payload)
+            else:
+                self._waiting += 1
+        if latest:
+            writer.submit(self._write_long, session, key)
+        else:
+            writer.submit(self._write, session, key, payload)
 
     async def subscribe(self, key_expr: str, inbox: Receiver) -> ZenohSubscription:
         """Let whatever is published under matching keys wait in an inbox."""
@@ -173,23 +196,47 @@ class ZenohBus:
 
     def _write(self, session: zenoh.Session, key: str, payload: bytes) -> None:
         try:
-            session.put(key, payload, congestion_control=zenoh.CongestionControl.BLOCK)
+            session.put(
+                key,
+                payload,
+                congestion_control=zenoh.CongestionControl.BLOCK,
+                priority=zenoh.Priority.DATA_HIGH,
+            )
         except zenoh.ZError as error:
             logger.warning("an event on %s was not sent: %s", key, error)
         finally:
             with self._lock:
                 self._waiting -= 1
 
+    def _write_long(self, session: zenoh.Session, key: str) -> None:
+        with self._lock:
+            payload = self._long.pop(key)
+        try:
+            session.put(
+                key,
+                payload,
+                congestion_control=zenoh.CongestionControl.DROP,
+                priority=zenoh.Priority.DATA_LOW,
+            )
+        except zenoh.ZError as error:
+            logger.warning("a message on %s was not sent: %s", key, error)
+
     async def _opened(self) -> zenoh.Session:
         """Try to open the session until it works or the time is over."""
         limit_s = self.settings.open_timeout_s
-        deadline = None if limit_s is None else monotonic() + limit_s
+        began_s = monotonic()
+        tell_s = began_s + TELL_AFTER_S
         while True:
             try:
                 return await _uninterrupted(self._open_once, _end)
             except zenoh.ZError as error:
-                if not self.settings.connect or (deadline and monotonic() >= deadline):
-                    raise BusError(_cure(self.settings, error)) from error
+                now_s = monotonic()
+                over = limit_s is not None and now_s - began_s >= limit_s
+                if not self.settings.connect or over:
+                    raise BusError(await refusal(self.settings, error)) from error
+                if now_s >= tell_s:
+                    tell_s = now_s + TELL_EVERY_S
+                    logger.warning("still waiting: %s", await refusal(self.settings, error))
             await asyncio.sleep(0.2)
 
     def _open_once(self) -> zenoh.Session:
@@ -252,14 +299,3 @@ def _listening(session: zenoh.Session, settings: ZenohSettings) -> tuple[str, ..
         if reply.ok is not None:
             return tuple(json.loads(reply.ok.payload.to_string())["locators"])
     raise BusError("Zenoh does not say which port it listens on")
-
-
-def _cure(settings: ZenohSettings, error: zenoh.ZError) -> str:
-    where = ", ".join(settings.connect or settings.listen)
-    if not settings.connect:
-        return f"cannot listen on {where}: {error}. Is the port taken?"
-    words = f"nothing answers at {where}: {error}. Is the mission running there?"
-    if settings.user is not None:
-        # Zenoh does not tell a refused password from a party that does not answer.
-        words += " A wrong user or password looks the same."
-    return words

@@ -6,11 +6,13 @@ vehicles' sessions are clients.
 """
 
 import json
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import Any
 
 import zenoh
+
+from vehicles.zenoh_access import AccessRules, Proof, access_control
 
 
 class ZenohMode(StrEnum):
@@ -52,6 +54,9 @@ class ZenohSettings:
     tls_mutual: bool = False
     """Listening: ask for the others' certificates too."""
 
+    access: AccessRules | None = None
+    """Listening: who may say and hear what; takes a dictionary file or mutual TLS."""
+
     config_file: str | None = None
     """A Zenoh file for everything else (access control); the above comes on top."""
 
@@ -72,6 +77,37 @@ class ZenohSettings:
         ):
             if (one is None) != (other is None):
                 raise ValueError(f"Zenoh {words} must be given together")
+        if self.tls_mutual and (self.tls_root_ca is None or self.tls_certificate is None):
+            raise ValueError(
+                "mutual TLS needs the authority's certificate, and a certificate and key of our own"
+            )
+        if self.access is not None and not self.proofs:
+            raise ValueError("access rules need users or certificates to tell parties apart")
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """Every file it names."""
+        named = (
+            self.dictionary_file,
+            self.tls_root_ca,
+            self.tls_certificate,
+            self.tls_key,
+            self.config_file,
+        )
+        return tuple(file for file in named if file is not None)
+
+    @property
+    def is_exposed(self) -> bool:
+        """Whether anybody on another machine may come in and say anything."""
+        inside = ("127.", "localhost", "[::1]")
+        hosts = [endpoint.partition("/")[2] for endpoint in self.listen]
+        return not self.proofs and any(not host.startswith(inside) for host in hosts)
+
+    @property
+    def proofs(self) -> tuple[Proof, ...]:
+        """How parties show this one who they are."""
+        by_user = () if self.dictionary_file is None else (Proof.USER,)
+        return (*by_user, Proof.CERTIFICATE) if self.tls_mutual else by_user
 
     @property
     def has_free_port(self) -> bool:
@@ -93,6 +129,18 @@ def configuration(settings: ZenohSettings, connect_timeout_ms: int) -> zenoh.Con
     for key, value in _entries(settings, connect_timeout_ms).items():
         config.insert_json5(key, json.dumps(value))
     return config
+
+
+def described(settings: ZenohSettings) -> str:
+    """Return a session's configuration as JSON that zenohd reads, its password left out."""
+    tree: dict[str, Any] = {}
+    for key, value in _entries(replace(settings, user=None, password=None), -1).items():
+        *path, last = key.split("/")
+        branch = tree
+        for part in path:
+            branch = branch.setdefault(part, {})
+        branch[last] = value
+    return json.dumps(tree, indent=2)
 
 
 def _entries(settings: ZenohSettings, connect_timeout_ms: int) -> dict[str, Any]:
@@ -118,7 +166,11 @@ def _entries(settings: ZenohSettings, connect_timeout_ms: int) -> dict[str, Any]
         "transport/link/tls/listen_certificate": settings.tls_certificate,
         "transport/link/tls/listen_private_key": settings.tls_key,
     }
-    if settings.tls_mutual:
+    if settings.access is not None:
+        entries["access_control"] = access_control(settings.access, settings.proofs)
+    # Zenoh shows its own certificate only where this is set, and asks for the others' then too.
+    shows = settings.tls_certificate is not None and not settings.listen
+    if settings.tls_mutual or shows:
         entries["transport/link/tls/enable_mtls"] = True
     if settings.connect:
         given["transport/link/tls/connect_certificate"] = settings.tls_certificate

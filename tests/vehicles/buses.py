@@ -4,6 +4,7 @@ import asyncio
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 
+from tests.patience import PATIENCE_S
 from vehicles.bus import Bus
 from vehicles.inbox import Inbox, Sample
 from vehicles.keys import TeamKeys
@@ -33,6 +34,26 @@ async def zenoh_pair() -> AsyncIterator[tuple[Bus, Bus]]:
             yield one, two
 
 
+@asynccontextmanager
+async def peer_pair() -> AsyncIterator[tuple[Bus, Bus]]:
+    """Open two peers, one of which names the other."""
+    listener = ZenohSettings(mode=ZenohMode.PEER, listen=(LOOPBACK,))
+    async with ZenohBus(listener, KEYS.delivery) as one:
+        caller = ZenohSettings(mode=ZenohMode.PEER, connect=one.endpoints)
+        async with ZenohBus(caller, KEYS.delivery) as two:
+            yield one, two
+
+
+@asynccontextmanager
+async def routed_pair() -> AsyncIterator[tuple[Bus, Bus]]:
+    """Open two clients of one router."""
+    router = ZenohSettings(mode=ZenohMode.ROUTER, listen=(LOOPBACK,))
+    async with ZenohBus(router, KEYS.delivery) as between:
+        client = ZenohSettings(connect=between.endpoints)
+        async with ZenohBus(client, KEYS.delivery) as one, ZenohBus(client, KEYS.delivery) as two:
+            yield one, two
+
+
 class Reader:
     """An inbox with everything that ever waited in it."""
 
@@ -46,7 +67,7 @@ class Reader:
         return self.samples
 
 
-async def until(condition: Callable[[], object], limit_s: float = 10.0) -> None:
+async def until(condition: Callable[[], object], limit_s: float = PATIENCE_S) -> None:
     """Wait for a condition; fail after a limit."""
     async with asyncio.timeout(limit_s):
         # What is waited for happens on Zenoh's threads; there is no event to wait for.

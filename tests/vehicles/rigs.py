@@ -10,12 +10,12 @@ from solver.zones import Point
 from tests.vehicles.buses import KEYS
 from tests.vehicles.pilots import Recorder, knowledge
 from vehicles import messages as wire
-from vehicles.agent import AgentSettings
 from vehicles.knowledge import Knowledge
 from vehicles.link_monitor import LinkSettings
 from vehicles.local_bus import LocalBus, LocalHub
 from vehicles.onboard import OnboardPilot
-from vehicles.simulation import Simulation, SimulationSettings
+from vehicles.settings import AgentSettings, SimulationSettings
+from vehicles.simulation import Simulation
 from vehicles.team_link import Notice, TeamLink
 from vehicles.world.setup import WorldSetup
 
@@ -91,12 +91,17 @@ class Rig:
 
 @asynccontextmanager
 async def rig(
-    setup: WorldSetup, agent: AgentSettings | None = None, planner: Recorder | None = None
+    setup: WorldSetup,
+    agent: AgentSettings | None = None,
+    planner: Recorder | None = None,
+    external: tuple[int, ...] = (),
 ) -> AsyncIterator[Rig]:
     """Open a world and a planner that reach each other."""
     made = Rig(LocalHub(), planner or Recorder())
     ids = [robot.id for robot in setup.robots]
-    settings = SimulationSettings(seed=0, tick_s=TICK_S, agent=agent or AgentSettings())
+    settings = SimulationSettings(
+        seed=0, tick_s=TICK_S, agent=agent or AgentSettings(), external=external
+    )
     async with LocalBus(made.hub) as vehicles, LocalBus(made.hub) as mission:
         made.simulation = Simulation(
             setup,

@@ -3,6 +3,7 @@
 from typing import Any
 
 from vehicles import messages as wire
+from vehicles import world_messages
 
 HEADER = {"v": 1, "boot": "b1", "seq": 3, "stamp_s": 1.5}
 ZONE: dict[str, Any] = {
@@ -43,6 +44,7 @@ RULES: dict[str, Any] = {
         "gate_probability": None,
         "drop_after_s": 30.0,
         "speed_variance": 0.25,
+        "near_field": "moments",
     },
 }
 ROBOT = {**HEADER, "robot_id": 21}
@@ -119,4 +121,23 @@ SAMPLES: dict[type[wire.Message], dict[str, Any]] = {
         "hits": {"sensing": 1, "communication": 0},
     },
     wire.WorldControl: {**HEADER, "action": "reset", "seed": 7},
+    world_messages.Pose: {
+        **ROBOT,
+        "position": [1.0, 2.0],
+        "velocity": [0.1, 0.0],
+        "altitude_m": 1.5,
+    },
+    world_messages.Senses: {
+        **ROBOT,
+        "sensing_failed": False,
+        "jammed": True,
+        "position": [1.0, 2.0],
+        "sightings": [{"target_id": 122, "range_m": 3.0, "bearing_rad": 0.5}],
+    },
+    world_messages.Incident: {
+        **ROBOT,
+        "happening": "struck",
+        "kind": "sensing",
+        "zone": ZONE,
+    },
 }

@@ -10,17 +10,20 @@ import pytest
 from solver.observations import Attack, Detections, RobotState, TrackReport
 from solver.problem import Budget, Problem, Solution
 from solver.zones import ZoneKind
+from tests.patience import PATIENCE_S
 from tests.vehicles.buses import KEYS, until
 from tests.vehicles.pilots import SENSING, Recorder
 from tests.vehicles.rigs import TICK_S, rig
 from tests.vehicles.samples import SAMPLES
 from tests.vehicles.world.worlds import robot, world_setup, zone
 from vehicles import messages as wire
-from vehicles.agent import AgentSettings, DuplicateRobotError
+from vehicles.agent import DuplicateRobotError
 from vehicles.keys import Topic
 from vehicles.local_bus import LocalBus
 from vehicles.onboard import OnboardPilot
-from vehicles.simulation import Simulation, SimulationSettings
+from vehicles.repetition import MOST
+from vehicles.settings import AgentSettings, SimulationSettings
+from vehicles.simulation import Simulation
 from vehicles.world.setup import WorldSetup, WorldTarget, WorldZone
 
 TARGET = WorldTarget(122, (3.0, 4.0))
@@ -291,7 +294,9 @@ async def test_malformed_messages_are_counted_and_change_nothing(topic: Topic) -
         assert health.dropped == 0
 
 
-async def test_a_flood_keeps_memory_bounded_and_the_robot_flying() -> None:
+async def test_a_flood_keeps_memory_bounded_and_the_robot_flying(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
     async with rig(PAIR) as made:
         made.velocities = {21: (0.2, 0.0)}
         await made.tick(3)
@@ -301,11 +306,34 @@ async def test_a_flood_keeps_memory_bounded_and_the_robot_flying() -> None:
         assert made.velocity(21) == (0.2, 0.0)
         health = made.link.health(21)
         assert health is not None
-        assert health.dropped == 10_000
-        assert health.refused == 10_000
+        assert health.dropped == 18_000
+        assert health.refused == 2_000
+        assert caplog.text.count("refuses a message") <= 2 * MOST  # not a line for each
 
 
 # ---------------------------------------------------------------------- health
+
+
+async def test_a_planner_that_flies_others_only_is_told_of() -> None:
+    async with rig(PAIR) as made:
+        made.velocities = {21: (1.0, 0.0)}
+        await made.tick(25)
+        health = made.link.health(26)
+        assert health is not None
+        assert health.reason == "the planner sends it nothing: is it of this team?"
+
+
+async def test_who_gave_an_order_hears_of_it_though_no_planner_is_there() -> None:
+    async with rig(PAIR) as made:
+        await made.tick(3)
+        await made.tick(10, planner="dead")
+        order_id = made.link.send_command(21, wire.Order.HOLD, "operator")
+        await made.tick(2, planner="dead")
+        made.link.drain(made.time_s)
+        assert [n.text for n in made.link.take_notices()] == ["holding"]
+        await made.tick(3)
+        assert [n.code for n in made.notices].count("done") == 0, "told once"
+        assert order_id
 
 
 async def test_health_is_told_once_a_second() -> None:
@@ -330,7 +358,7 @@ class Slow(Recorder):
         self.gate = Event()
 
     def solve(self, problem: Problem, budget: Budget) -> Solution:
-        self.gate.wait(timeout=30.0)
+        self.gate.wait(timeout=PATIENCE_S)
         return super().solve(problem, budget)
 
 

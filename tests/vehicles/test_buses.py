@@ -5,7 +5,16 @@ from contextlib import AbstractAsyncContextManager
 
 import pytest
 
-from tests.vehicles.buses import KEYS, Reader, local_pair, reaches, until, zenoh_pair
+from tests.vehicles.buses import (
+    KEYS,
+    Reader,
+    local_pair,
+    peer_pair,
+    reaches,
+    routed_pair,
+    until,
+    zenoh_pair,
+)
 from vehicles.bus import Bus, BusError
 from vehicles.inbox import SampleKind
 from vehicles.keys import Topic
@@ -14,7 +23,7 @@ from vehicles.zenoh_bus import ZenohBus
 from vehicles.zenoh_settings import ZenohSettings
 
 Pair = Callable[[], AbstractAsyncContextManager[tuple[Bus, Bus]]]
-PAIRS = pytest.mark.parametrize("pair", [local_pair, zenoh_pair])
+PAIRS = pytest.mark.parametrize("pair", [local_pair, zenoh_pair, peer_pair, routed_pair])
 
 
 @PAIRS

@@ -58,6 +58,47 @@ def test_a_flood_is_bounded_and_counted() -> None:
     assert len(inbox.drain()) == 1
 
 
+def test_one_key_cannot_crowd_the_others_out() -> None:
+    other = "falconer/red/robots/2/events"
+    inbox = Inbox(KEYS.delivery, max_events=100, max_per_key=10)
+    for number in range(50):
+        inbox.offer(Sample(EVENTS, b"%d" % number))
+    inbox.offer(Sample(other, b"heard"))
+    assert [s.payload for s in inbox.drain()] == [*(b"%d" % n for n in range(10)), b"heard"]
+    assert inbox.dropped == 40
+    inbox.offer(Sample(EVENTS, b"again"))
+    assert [s.payload for s in inbox.drain()] == [b"again"]
+
+
+def test_a_reader_takes_some_of_each_key_at_a_time_and_loses_none() -> None:
+    other = "falconer/red/robots/2/events"
+    inbox = Inbox(KEYS.delivery, per_drain=4)
+    for number in range(10):
+        inbox.offer(Sample(EVENTS, b"%d" % number))
+    inbox.offer(Sample(other, b"other"))
+    inbox.offer(Sample(STATE, b"state"))
+    first = [s.payload for s in inbox.drain()]
+    assert first == [b"0", b"1", b"2", b"3", b"other", b"state"]
+    inbox.offer(Sample(EVENTS, b"10"))
+    rest = [[s.payload for s in inbox.drain()] for _ in range(3)]
+    assert rest == [[b"4", b"5", b"6", b"7"], [b"8", b"9", b"10"], []]
+    assert inbox.dropped == 0
+
+
+@pytest.mark.asyncio
+async def test_what_is_left_wakes_again() -> None:
+    taken: list[bytes] = []
+    inbox = Inbox(
+        KEYS.delivery, lambda: taken.extend(s.payload for s in inbox.drain()), per_drain=2
+    )
+    inbox.attach()
+    for number in range(5):
+        inbox.offer(Sample(EVENTS, b"%d" % number))
+    for _ in range(5):
+        await asyncio.sleep(0)
+    assert taken == [b"%d" % n for n in range(5)]
+
+
 async def wakes_of(threads: int, offers: int) -> tuple[int, int]:
     """Return how often the loop was woken before it drained, and how many samples waited."""
     wakes = 0

@@ -14,6 +14,8 @@ def test_keys_are_those_of_the_design() -> None:
     assert keys.heartbeat == "falconer/red/planner/heartbeat"
     assert keys.truth == "falconer/red/world/truth"
     assert keys.control == "falconer/red/world/control"
+    assert keys.external(21, Topic.POSE) == "falconer/red/world/robots/21/pose"
+    assert keys.external(None, Topic.SENSES) == "falconer/red/world/robots/*/senses"
 
 
 @pytest.mark.parametrize(
@@ -27,6 +29,9 @@ def test_keys_are_those_of_the_design() -> None:
         ("falconer/red/planner/heartbeat", Address(Topic.HEARTBEAT, None), Delivery.LATEST),
         ("falconer/red/world/truth", Address(Topic.TRUTH, None), Delivery.LATEST),
         ("falconer/red/world/control", Address(Topic.CONTROL, None), Delivery.EVENT),
+        ("falconer/red/world/robots/21/pose", Address(Topic.POSE, 21), Delivery.LATEST),
+        ("falconer/red/world/robots/21/senses", Address(Topic.SENSES, 21), Delivery.LATEST),
+        ("falconer/red/world/robots/21/incidents", Address(Topic.INCIDENTS, 21), Delivery.EVENT),
     ],
 )
 def test_a_key_says_what_it_is_and_how_it_is_carried(
@@ -49,6 +54,8 @@ def test_a_key_says_what_it_is_and_how_it_is_carried(
         "falconer/red/robots/21/state/more",
         "falconer/red/robots/21/",
         "falconer/red/planner/state",
+        "falconer/red/world/robots/21/state",
+        "falconer/red/robots/21/pose",
         "falconer/redder/robots/21/state",
     ],
 )

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from tests.vehicles.samples import RULES, SAMPLES, TRACK, ZONE
 from vehicles import messages as wire
+from vehicles.world_messages import Happening
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "messages.md"
 KINDS = sorted(SAMPLES, key=lambda kind: kind.__name__)
@@ -77,7 +78,7 @@ def test_every_part_is_documented_field_by_field(
 def test_every_message_has_a_sample_and_every_mode_and_order_is_named() -> None:
     assert set(SAMPLES) == set(wire.Message.__subclasses__())
     page = PAGE.read_text()
-    for word in (*wire.Mode, *wire.Order, *wire.PlannerState, *wire.WorldAction):
+    for word in (*wire.Mode, *wire.Order, *wire.PlannerState, *wire.WorldAction, *Happening):
         assert f"`{word.value}`" in page
 
 

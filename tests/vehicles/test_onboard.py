@@ -8,7 +8,7 @@ from filterpy.kalman import ExtendedKalmanFilter
 from scipy.stats import norm
 
 from solver import engines
-from solver.estimation import FilterSettings, MotionModel
+from solver.beliefs import FilterSettings, MotionModel
 from solver.exposure import RIMS, Prices, zone_table
 from solver.observations import Detections, OnboardTrack, Sighting
 from solver.planner import Planner

@@ -17,7 +17,7 @@ from vehicles import translation
 from vehicles.keys import Topic
 from vehicles.link_monitor import LinkSettings
 from vehicles.local_bus import LocalBus, LocalHub
-from vehicles.team_link import TeamLink
+from vehicles.team_link import EVENTS_PER_TICK, TeamLink
 
 pytestmark = pytest.mark.asyncio
 
@@ -165,6 +165,22 @@ async def test_junk_is_counted_and_does_no_harm() -> None:
         assert desk.link.drain(0.0) == ()
         assert desk.link.refused == 4
         assert desk.link.truth() is None
+
+
+async def test_a_robot_that_floods_delays_itself_only() -> None:
+    """A thousand true events at once: some in each tick, all in order, others' at once."""
+    async with Desk() as desk:
+        for number in range(1000):
+            attack = {"type": "notice", "code": "n", "text": str(number)}
+            desk.say(wire.Event, event=attack)
+        desk.say(wire.Event, robot_id=26, event={"type": "notice", "code": "n", "text": "heard"})
+        desk.link.drain(0.0)
+        first = [notice.text for notice in desk.link.take_notices()]
+        assert first == [*map(str, range(EVENTS_PER_TICK)), "heard"]
+        for _ in range(9):
+            desk.link.drain(0.1)
+        rest = [notice.text for notice in desk.link.take_notices()]
+        assert rest == list(map(str, range(EVENTS_PER_TICK, 1000)))
 
 
 async def test_a_flood_of_events_is_bounded_and_said() -> None:

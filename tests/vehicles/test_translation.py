@@ -14,6 +14,7 @@ from tests.vehicles.pilots import JAMMING, SENSING, knowledge, track
 from tests.vehicles.world.worlds import robot, world_setup, zone
 from vehicles import messages as wire
 from vehicles import translation
+from vehicles.knowledge import Mate
 from vehicles.world.setup import WorldTarget
 from vehicles.world.world import World
 
@@ -68,9 +69,18 @@ def test_events() -> None:
     assert translation.report_of(21, back) == report
 
 
+def test_a_mate_is_made_once_for_all_that_are_told_of_it() -> None:
+    parts = translation.MateParts()
+    mates = (Mate(1, (0.5, 1.0)), Mate(2, (2.0, 3.0)))
+    made = parts.of(mates)
+    assert [(part.robot_id, part.position) for part in made] == [(1, (0.5, 1.0)), (2, (2.0, 3.0))]
+    assert parts.of(mates[1:])[0] is made[1]
+    assert parts.of((Mate(1, (9.0, 9.0)),))[0].position == (9.0, 9.0), "another place"
+
+
 def test_knowledge_is_dated_by_the_receivers_clock() -> None:
     known = knowledge(time_s=3.0)
-    arrived = over_the_wire(translation.knowledge_message(HEADER, known))
+    arrived = over_the_wire(translation.knowledge_message(HEADER, known, translation.MateParts()))
     received = translation.knowledge_of(arrived, 1234.5)
     assert received.time_s == 1234.5
     # The sensor compares by identity, so the rest is compared without it.

@@ -9,6 +9,7 @@ from time import monotonic
 
 import pytest
 
+from tests.patience import PATIENCE_S, patience_s
 from tests.vehicles.buses import KEYS, LOOPBACK, Reader, reaches, until
 from vehicles.bus import BusError
 from vehicles.inbox import SampleKind
@@ -93,7 +94,7 @@ async def test_nobody_there_is_said_with_the_cure() -> None:
     nobody = ZenohSettings(
         connect=(f"tcp/127.0.0.1:{port}",), user="u", password="p", open_timeout_s=0.3
     )
-    with pytest.raises(BusError, match=rf"{port}.*Is the mission running.*wrong user or password"):
+    with pytest.raises(BusError, match=rf"{port}.*Is the mission running"):
         async with ZenohBus(nobody, KEYS.delivery):
             pass
 
@@ -116,7 +117,7 @@ async def test_a_client_waits_for_a_mission_that_starts_later() -> None:
     await asyncio.sleep(0.3)
     assert not opening.done()
     async with ZenohBus(ZenohSettings(mode=ZenohMode.ROUTER, listen=endpoints), KEYS.delivery):
-        async with asyncio.timeout(5.0):
+        async with asyncio.timeout(PATIENCE_S):
             await opening
         await client.__aexit__(None, None, None)
 
@@ -130,7 +131,7 @@ async def test_opening_can_be_given_up_and_leaves_no_session() -> None:
     started = monotonic()
     with pytest.raises(asyncio.CancelledError):
         await opening
-    assert monotonic() - started < 3.0
+    assert monotonic() - started < 3.0 + patience_s()
 
 
 @pytest.mark.asyncio
@@ -151,7 +152,7 @@ async def test_vehicles_come_back_by_themselves_when_the_mission_restarts() -> N
             await second.watch(KEYS.alive(None), tokens.inbox)
             await reaches(vehicle, reader, key)
             await until(lambda: tokens.take())
-            assert monotonic() - started < 3.0
+            assert monotonic() - started < 3.0 + patience_s()
             assert tokens.take()[0].kind is SampleKind.PUT
     finally:
         await vehicle.__aexit__(None, None, None)
@@ -178,7 +179,7 @@ async def test_a_user_with_a_password_gets_in_and_a_stranger_does_not(tmp_path: 
         stranger = ZenohSettings(
             connect=mission.endpoints, user="robot7", password="guess", open_timeout_s=0.2
         )
-        with pytest.raises(BusError, match="wrong user or password"):
+        with pytest.raises(BusError, match="a wrong user or password"):
             async with ZenohBus(stranger, KEYS.delivery):
                 pass
 
@@ -194,7 +195,7 @@ async def test_publishing_never_holds_up_the_loop_and_closing_leaves_no_thread()
             started = monotonic()
             vehicle.publish(KEYS.robot(7, topic), b"x" * 300)
             worst = max(worst, monotonic() - started)
-        assert worst < 1.0, "a put that blocks would take five seconds"
+        assert worst < 4.0, "a put that blocks would take five seconds"
         assert vehicle.dropped == 0
     left = {thread.name for thread in threading.enumerate()} - before
     assert not {name for name in left if name.startswith("zenoh-writer")}

@@ -51,3 +51,17 @@ class Pose:
 
     blind_s: float
     """Since the last odometry or tag that was believed."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stance:
+    """Where a robot is and how it is turned, in the common frame: what its camera looks from."""
+
+    position: FloatArray
+    """Shape (3,)."""
+
+    attitude: FloatArray
+    """Shape (4,)."""
+
+    attitude_variance: float
+    """Of each of its angles, rad^2."""

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
-from solver.arrays import BoolArray, FloatArray
+from solver.arrays import BoolArray, FloatArray, IntArray
 from vehicles.localization import rotations
 from vehicles.localization.measurements import Odometry, TagSighting
 from vehicles.mavlink.frames import Alignment
@@ -62,6 +62,14 @@ class Registration:
 
     agreeing: tuple[bool, ...]
     """Which sightings agree with it."""
+
+    def spread_m(self, odometry: FloatArray) -> float:
+        """Return the standard deviation of where it puts a place of the odometry frame (3,)."""
+        c, s = np.cos(self.alignment.yaw_rad), np.sin(self.alignment.yaw_rad)
+        swing = np.array([-s * odometry[0] - c * odometry[1], c * odometry[0] - s * odometry[1]])
+        jacobian = np.eye(3, 4)
+        jacobian[:2, 3] = swing
+        return float(np.sqrt(np.trace(jacobian @ self.covariance @ jacobian.T)))
 
 
 def landmark(
@@ -136,23 +144,33 @@ def _consensus(
     if not len(pairs):
         raise RegistrationError("the tags seen lie too close together to tell a direction")
     pairs = pairs[:: -(-len(pairs) // MAX_PAIRS)]
-    limit = float(chi2.ppf(AGREE_PROBABILITY, 3))
-    best_cost, best = np.inf, np.zeros(4)
-    for a, b in pairs:
-        proposal = _of_pair(common[[a, b]], odometry[[a, b]])
-        cost = float(np.minimum(_distances(common, odometry, weights, proposal), limit).sum())
-        if cost < best_cost:
-            best_cost, best = cost, proposal
+    limit = float(chdtri(3, 1.0 - AGREE_PROBABILITY))
+    shifts, psis = _proposals(common, odometry, pairs)
+    expected = _turned_back(common - shifts[:, None, :], psis[:, None])
+    off = odometry - expected
+    distances = np.einsum("pni,nij,pnj->pn", off, weights, off)
+    best = int(np.minimum(distances, limit).sum(axis=1).argmin())
     # A proposal of two noisy sightings lies off by their noise: judge with some patience.
-    return best, _distances(common, odometry, weights, best) <= 4.0 * limit
+    return np.array([*shifts[best], psis[best]]), distances[best] <= 4.0 * limit
 
 
-def _of_pair(common: FloatArray, odometry: FloatArray) -> FloatArray:
-    """Return the state (t, psi) that best joins two pairs of places."""
-    there, here = common[1] - common[0], odometry[1] - odometry[0]
-    psi = np.arctan2(there[1], there[0]) - np.arctan2(here[1], here[0])
-    shift = common.mean(axis=0) - _turn(psi) @ odometry.mean(axis=0)
-    return np.array([*shift, psi])
+def _proposals(
+    common: FloatArray, odometry: FloatArray, pairs: IntArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the shifts (p, 3) and turns (p,) that best join each pair of places."""
+    there = common[pairs[:, 1]] - common[pairs[:, 0]]
+    here = odometry[pairs[:, 1]] - odometry[pairs[:, 0]]
+    psis = np.arctan2(there[:, 1], there[:, 0]) - np.arctan2(here[:, 1], here[:, 0])
+    middles = odometry[pairs].mean(axis=1)
+    shifts = common[pairs].mean(axis=1) - _turned_back(middles, -psis)
+    return shifts, psis
+
+
+def _turned_back(vectors: FloatArray, psi: FloatArray) -> FloatArray:
+    """Return R_z(psi)' v over any leading axes."""
+    c, s = np.cos(psi), np.sin(psi)
+    x, y = vectors[..., 0], vectors[..., 1]
+    return np.stack((c * x + s * y, c * y - s * x, vectors[..., 2]), axis=-1)
 
 
 def _residuals(common: FloatArray, odometry: FloatArray, state: FloatArray) -> FloatArray:
@@ -172,7 +190,7 @@ def _distances(
 def _agreeing(
     common: FloatArray, odometry: FloatArray, weights: FloatArray, state: FloatArray
 ) -> BoolArray:
-    limit = float(chi2.ppf(AGREE_PROBABILITY, 3))
+    limit = float(chdtri(3, 1.0 - AGREE_PROBABILITY))
     return _distances(common, odometry, weights, state) <= limit
 
 
@@ -181,16 +199,7 @@ def _refined(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the weighted least-squares state and its covariance."""
     for _ in range(_ROUNDS):
-        turn = _turn(state[3])
-        jacobian = np.empty((len(common), 3, 4))
-        jacobian[:, :, :3] = turn.T
-        away = common - state[:3]
-        # d/dpsi of -R_z(psi)' a
-        c, s = np.cos(state[3]), np.sin(state[3])
-        jacobian[:, 0, 3] = s * away[:, 0] - c * away[:, 1]
-        jacobian[:, 1, 3] = c * away[:, 0] + s * away[:, 1]
-        jacobian[:, 2, 3] = 0.0
-        e = _residuals(common, odometry, state)
+        e, jacobian = linearized(common, odometry, state)
         information = np.einsum("nki,nkl,nlj->ij", jacobian, weights, jacobian)
         gradient = np.einsum("nki,nkl,nl->i", jacobian, weights, e)
         step = np.linalg.solve(information, -gradient)
@@ -198,6 +207,30 @@ def _refined(
         if np.abs(step).max() < 1e-10:
             break
     return state, np.linalg.inv(information)
+
+
+def linearized(
+    common: FloatArray, odometry: FloatArray, state: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return how far sightings are from where they should be, and the derivative of that.
+
+    Args:
+        common: Places of the tags, shape (n, 3).
+        odometry: Where they were seen in the odometry frame, shape (n, 3).
+        state: (east, north, up, psi), shape (4,).
+
+    Returns:
+        Residuals (n, 3), seen minus expected, and their derivatives by the state (n, 3, 4).
+    """
+    jacobian = np.empty((len(common), 3, 4))
+    jacobian[:, :, :3] = _turn(state[3]).T
+    away = common - state[:3]
+    # d/dpsi of -R_z(psi)' a
+    c, s = np.cos(state[3]), np.sin(state[3])
+    jacobian[:, 0, 3] = s * away[:, 0] - c * away[:, 1]
+    jacobian[:, 1, 3] = c * away[:, 0] + s * away[:, 1]
+    jacobian[:, 2, 3] = 0.0
+    return _residuals(common, odometry, state), jacobian
 
 
 def _turn(psi: float) -> FloatArray:

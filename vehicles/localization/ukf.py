@@ -20,7 +20,7 @@ from enum import StrEnum
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from solver.arrays import FloatArray
 from vehicles.localization import rotations
@@ -102,7 +102,7 @@ class PoseFilter:
         self._outliers = 0
         self._blind_s = 0.0
         self._noise_step_s = 0.0
-        self._gates = {k: float(chi2.ppf(noise.gate_probability, k)) for k in (3, 6)}
+        self._gates = {k: float(chdtri(k, 1.0 - noise.gate_probability)) for k in (3, 6)}
 
     def start(self, odometry: Odometry, alignment: Alignment, covariance: FloatArray) -> None:
         """Begin where the odometry is, its frame lying as registered.

@@ -54,7 +54,12 @@ class SimulatedAutopilot:
     def __init__(self, settings: AutopilotSettings, key: SigningKey | None = None) -> None:
         self.settings = settings
         self.flight = Flight(settings.flight)
+        self.setpoints = 0
+        """Setpoints taken since the start."""
+
         self.ignored_setpoints = 0
+        """Setpoints that made no sense."""
+
         self._codec = Codec(settings.system, AUTOPILOT, None, key)
         self._reporter = Reporter(settings.origin)
         self._parameters = Parameters(settings.flight.dialect.autopilot)
@@ -115,6 +120,7 @@ class SimulatedAutopilot:
         if message.coordinate_frame != mavlink.MAV_FRAME_LOCAL_NED or not sound:
             self.ignored_setpoints += 1
             return
+        self.setpoints += 1
         still = (0.0, 0.0, 0.0)
         self.flight.take_setpoint(
             None if mask & _POSITION else place, still if mask & _VELOCITY else velocity, now_s

@@ -7,10 +7,11 @@ from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 
 from solver.setpoints import Setpoint
+from vehicles.alongside import alongside
 from vehicles.body import BodyEvent, BodyState
 from vehicles.mavlink.codec import Counts
 from vehicles.mavlink.session import Session
-from vehicles.mavlink.udp import Address, Endpoint, Peers, UdpSocket, alongside, open_udp, peer_of
+from vehicles.mavlink.udp import Address, Endpoint, Peers, UdpSocket, open_udp, peer_of
 from vehicles.messages import Order
 
 TICK_S = 0.05
@@ -33,7 +34,6 @@ class MavlinkBody:
         self._peers = peers
         self._clock = clock
         self.socket: UdpSocket | None = None
-        self.late_ticks = 0
 
     @property
     def counts(self) -> Counts:
@@ -86,9 +86,7 @@ class MavlinkBody:
         while True:
             self.send_due()
             due_s += TICK_S
-            behind_s = self._clock() - due_s
-            if behind_s > TICK_S:
-                self.late_ticks += int(behind_s / TICK_S)
+            if self._clock() - due_s > TICK_S:
                 due_s = self._clock()
             await asyncio.sleep(max(due_s - self._clock(), 0.0))
 

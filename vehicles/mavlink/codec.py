@@ -46,6 +46,9 @@ class Codec:
         self, system: int, component: int, peer: int | None, key: SigningKey | None
     ) -> None:
         self.counts = Counts()
+        self.stranger: int | None = None
+        """The first other system that was heard on the link."""
+
         self._peer = peer
         self._key = key
         self._parser = Parser(None, system, component)
@@ -95,6 +98,8 @@ class Codec:
             return False
         if self._peer is not None and message.get_srcSystem() != self._peer:
             self.counts.foreign += 1
+            if self.stranger is None:
+                self.stranger = message.get_srcSystem()
             return False
         self.counts.accepted += 1
         return True

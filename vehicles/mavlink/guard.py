@@ -114,6 +114,8 @@ class Guard:
         self._objected = False
         self._commanded = True
         self._hold_at = None
+        if self.control is Control.FOLLOWING and not self._held:
+            self.reason = "following the planner"
         self._leg = Leg(setpoint, start, now_s)
 
     def stop(self, now_s: float, reason: str) -> None:
@@ -142,22 +144,28 @@ class Guard:
                 self.reason = "following the planner"
                 self._tell(BodyEventKind.DONE, "following the planner", now_s, order_id)
             else:
-                self._begin(undertakings.engage(dialect, order, order_id, now_s), dialect.follow)
+                begun = undertakings.engage(dialect, order, order_id, now_s)
+                self._begin(begun, dialect.follow, now_s)
         elif order is Order.TAKE_OFF and alignment is not None:
             height = (0.0, 0.0, self._settings.take_off_altitude_m)
             climb_m = alignment.to_local(height)[2]
             self._held = False
             begun = undertakings.take_off(dialect, climb_m, order_id, now_s)
-            self._begin(begun, dialect.follow)
+            self._begin(begun, dialect.follow, now_s)
         else:
             mode = dialect.land if order is Order.LAND else dialect.return_home
             begun = undertakings.leave(mode, dialect, order, order_id, now_s)
-            self._begin(begun, mode)
+            self._begin(begun, mode, now_s)
 
     def answer(self, command: int, result: int, now_s: float) -> None:
         """Take an acknowledgement of the autopilot."""
         if self._undertaking is not None:
             self._undertaking.answer(command, result, now_s)
+
+    def beware(self, stranger: int, system: int, now_s: float) -> None:
+        """Tell that another system than the vehicle speaks on its link."""
+        words = f"system {stranger} speaks on the link; only system {system} is listened to"
+        self._tell(BodyEventKind.STRANGER, words, now_s)
 
     def take_events(self) -> tuple[BodyEvent, ...]:
         """Return what has happened since the last call, oldest first."""
@@ -227,7 +235,12 @@ class Guard:
         followed = self.control in (Control.FOLLOWING, Control.LEAVING)
         if followed and not self._told.airborne:
             # A landed vehicle must not be streamed to: armed again, some would take off.
-            if self.control is Control.LEAVING:
+            begun = self._undertaking
+            if begun is not None and begun.order in (Order.LAND, Order.RETURN):
+                # Down before its heartbeat has told of the mode.
+                self._undertaking = None
+                self._tell(BodyEventKind.DONE, "landed", now_s, begun.order_id)
+            elif self.control is Control.LEAVING:
                 self._tell(BodyEventKind.DONE, "landed", now_s, self._leaving_id)
             self.control, self.reason = Control.STANDBY, "landed"
             followed = False
@@ -278,7 +291,10 @@ class Guard:
             return "a pilot or its failsafe flies it"
         return None
 
-    def _begin(self, undertaking: Undertaking, mode: int) -> None:
+    def _begin(self, undertaking: Undertaking, mode: int, now_s: float) -> None:
+        if (begun := self._undertaking) is not None:
+            words = f"{begun.order.value}: given up for {undertaking.order.value}"
+            self._tell(BodyEventKind.REFUSED, words, now_s, begun.order_id)
         self._undertaking = undertaking
         now = frozenset() if self._told.mode is None else frozenset({self._told.mode})
         self._expected, self._wanted = now | {mode}, mode

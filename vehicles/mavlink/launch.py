@@ -1,35 +1,24 @@
-"""Puts a MAVLink vehicle into a team: link, body, agent and bus together, until cancelled."""
+"""Puts a MAVLink vehicle into a team."""
 
 import asyncio
-import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from uuid import uuid4
 
-from solver import engines
-from solver.planner import Planner
-from vehicles.agent import AgentSettings, VehicleAgent
-from vehicles.bus import Bus
-from vehicles.keys import TeamKeys
+from vehicles.launch import Place, pilot_for, serve
+from vehicles.localization.aligner import TagAligner, TagAlignerSettings
+from vehicles.localization.measurements import TagSighting
+from vehicles.localization.seeking import Sighted
+from vehicles.localization.senses import TagSenses
 from vehicles.mavlink.alignment import Aligner, DatumAlignment, GivenAlignment, Heights
-from vehicles.mavlink.autopilot import AutopilotSettings, SimulatedAutopilot
 from vehicles.mavlink.bridge import connected
 from vehicles.mavlink.dialects import DIALECTS, Autopilot
-from vehicles.mavlink.frames import Alignment, Datum
+from vehicles.mavlink.frames import Alignment, Datum, Vector
 from vehicles.mavlink.guard import GuardSettings, TakeOffRule
 from vehicles.mavlink.limits import FlightLimits
 from vehicles.mavlink.session import Session, SessionSettings
-from vehicles.mavlink.signing import SigningKey, read_key
-from vehicles.mavlink.simulator import flying
+from vehicles.mavlink.signing import signing_key
 from vehicles.mavlink.udp import Endpoint
-from vehicles.onboard import OnboardPilot
-from vehicles.senses import NoSenses, Senses
-from vehicles.zenoh_bus import ZenohBus
-from vehicles.zenoh_settings import ZenohSettings
-
-STEP_S = 0.1
-"""Of the agent; the guard of the link ticks faster."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,109 +41,85 @@ class VehicleOptions:
     alignment: Alignment = field(default_factory=Alignment)
     """Of the local frame, where there is no datum: from a registration of tags."""
 
+    tags: Mapping[int, Vector] | None = None
+    """Places of tags in the common frame by number: they lay the local frame, instead of a datum,
+    as the vehicle's camera sees them (`vehicles.mavlink.tags`)."""
+
+    targets: Mapping[int, int] = field(default_factory=dict)
+    """Targets by the numbers of their tags: the same camera sees them for the team."""
+
     key_file: Path | None = None
     """For MAVLink 2 signing."""
 
-    agent: AgentSettings = field(default_factory=AgentSettings)
-
     def session(self) -> Session:
-        """Return the vehicle without I/O.
+        """Return the vehicle without I/O. Raises as `fitting`."""
+        return self.fitting().session
+
+    def fitting(self) -> "Fitting":
+        """Return the vehicle without I/O, and what it sees targets with.
 
         Raises:
             vehicles.mavlink.signing.SigningError: The key file does not serve.
-            ValueError: The MAVLink ids do not do.
+            ValueError: The MAVLink ids do not do, or nothing says where targets are seen from.
         """
+        if self.targets and self.tags is None:
+            raise ValueError("targets are seen by their tags where tags say where the vehicle is")
         guard = GuardSettings(
             DIALECTS[self.autopilot], self.limits, self.take_off, self.take_off_altitude_m
         )
+        settings, key = SessionSettings(guard, self.system), signing_key(self.key_file)
+        if self.tags is not None:
+            by_tags = TagAligner(self.tags, TagAlignerSettings())
+            if not self.targets:
+                return Fitting(Session(settings, by_tags, key, by_tags))
+            senses = TagSenses(self.robot_id, self.targets, by_tags)
+            return Fitting(Session(settings, by_tags, key, _Camera(by_tags, senses)), senses)
         aligner: Aligner = GivenAlignment(self.alignment)
         if self.datum is not None:
             aligner = DatumAlignment(self.datum, self.heights)
-        return Session(SessionSettings(guard, self.system), aligner, signing_key(self.key_file))
+        return Fitting(Session(settings, aligner, key))
 
 
-def signing_key(path: Path | None) -> SigningKey | None:
-    """Return the key of a file as of now, None without a file.
+@dataclass(frozen=True, slots=True)
+class Fitting:
+    """A vehicle without I/O, with its own senses where it has some."""
 
-    Raises:
-        vehicles.mavlink.signing.SigningError: The file does not serve.
-    """
-    return None if path is None else SigningKey(read_key(path), time.time(), time.monotonic())
+    session: Session
+    senses: TagSenses | None = None
 
 
-async def fly(
-    options: VehicleOptions,
-    bus: Bus,
-    keys: TeamKeys,
-    pilot: OnboardPilot,
-    senses: Senses,
-    ready: Callable[[], None] = lambda: None,
-) -> None:
-    """Fly one vehicle for its team until cancelled.
+@dataclass(frozen=True, slots=True)
+class _Camera:
+    """One camera whose tags lay the frame and show targets: `vehicles.mavlink.tags.TagWatcher`."""
 
-    Args:
-        options: The vehicle.
-        bus: Open.
-        keys: The team's.
-        pilot: Flies it when it is cut off.
-        senses: What it notices of targets.
-        ready: Called once it is announced.
+    aligner: TagAligner
+    senses: TagSenses
 
-    Raises:
-        vehicles.agent.DuplicateRobotError: Somebody else flies this robot.
-        vehicles.mavlink.udp.EndpointError: The link cannot be opened.
-    """
-    clock = asyncio.get_running_loop().time
-    async with connected(options.session(), options.endpoint, clock) as body:
-        agent = VehicleAgent(bus, keys, body, senses, pilot, uuid4().hex[:16], options.agent)
-        await agent.start()
-        try:
-            ready()
-            due_s = clock()
-            while True:
-                await agent.step(clock())
-                due_s = max(due_s + STEP_S, clock())
-                await asyncio.sleep(due_s - clock())
-        finally:
-            await agent.close()
+    @property
+    def reason(self) -> str:
+        """Why the frame's place is not known, empty once it is."""
+        return self.aligner.reason
+
+    def sight(self, sighting: TagSighting, now_s: float) -> Sighted:
+        """Take the sighting of a tag, from the body."""
+        found = self.aligner.sight(sighting, now_s)
+        self.senses.see(sighting, now_s)
+        return found
 
 
 async def run_vehicle(
-    options: VehicleOptions,
-    team: str,
-    zenoh: ZenohSettings,
-    engine: str | None = None,
-    ready: Callable[[], None] = lambda: None,
+    options: VehicleOptions, place: Place, ready: Callable[[], None] = lambda: None
 ) -> None:
-    """Fly one vehicle over Zenoh until cancelled; it sees no targets of its own.
+    """Fly one vehicle over Zenoh until cancelled.
 
     Raises:
         vehicles.agent.DuplicateRobotError: Somebody else flies this robot.
         vehicles.bus.BusError: Nobody answers where the settings say.
         vehicles.mavlink.udp.EndpointError: The link cannot be opened.
-        ValueError: Team, engine, key file or ids do not do.
+        ValueError: Engine, key file or ids do not do.
     """
-    keys = TeamKeys(team)
-    made = await asyncio.to_thread(engines.create, engine or engines.default_engine())
-    pilot = OnboardPilot(options.robot_id, Planner(made))
-    async with ZenohBus(zenoh, keys.delivery) as bus:
-        await fly(options, bus, keys, pilot, NoSenses(), ready)
-
-
-async def run_autopilot(
-    settings: AutopilotSettings,
-    endpoint: Endpoint,
-    key_file: Path | None = None,
-    ready: Callable[[], None] = lambda: None,
-) -> None:
-    """Fly a simulated autopilot until cancelled.
-
-    Raises:
-        vehicles.mavlink.udp.EndpointError: The link cannot be opened.
-        vehicles.mavlink.signing.SigningError: The key file does not serve.
-    """
-    autopilot = SimulatedAutopilot(settings, signing_key(key_file))
+    fitting = options.fitting()
+    pilot = await pilot_for(options.robot_id, place.engine)
     clock = asyncio.get_running_loop().time
-    async with flying(autopilot, endpoint, clock):
-        ready()
-        await asyncio.get_running_loop().create_future()
+    async with connected(fitting.session, options.endpoint, clock) as body:
+        await serve(body, pilot, place, ready, fitting.senses)

@@ -4,13 +4,15 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from solver.setpoints import Setpoint
-from vehicles.body import BodyEvent, BodyState
+from vehicles.body import BodyEvent, BodyEventKind, BodyState
 from vehicles.mavlink.alignment import Aligner
 from vehicles.mavlink.codec import AUTOPILOT, COMPANION, Codec, Counts
 from vehicles.mavlink.commands import message_of, stream_requests
 from vehicles.mavlink.guard import Guard, GuardSettings
+from vehicles.mavlink.noise import NoiseWatch
 from vehicles.mavlink.protocol import Message
 from vehicles.mavlink.signing import SigningKey
+from vehicles.mavlink.tags import KIND, TagWatcher, sighting_of
 from vehicles.mavlink.telemetry import Telemetry
 from vehicles.mavlink.validation import PLAUSIBLE, plausible
 from vehicles.messages import Order
@@ -56,12 +58,19 @@ class Session:
     """The vehicle as heard and spoken to over one link."""
 
     def __init__(
-        self, settings: SessionSettings, aligner: Aligner, key: SigningKey | None = None
+        self,
+        settings: SessionSettings,
+        aligner: Aligner,
+        key: SigningKey | None = None,
+        tags: TagWatcher | None = None,
     ) -> None:
         self.telemetry = Telemetry()
         self.guard = Guard(settings.guard, self.telemetry)
         self._settings = settings
         self._aligner = aligner
+        self._tags = tags
+        self._events: list[BodyEvent] = []
+        self._noise = NoiseWatch()
         self._codec = Codec(settings.own_system, settings.own_component, settings.system, key)
         self._started_s: float | None = None
         self._requested_s = float("-inf")
@@ -74,11 +83,31 @@ class Session:
 
     def receive(self, datagram: bytes, now_s: float) -> bool:
         """Take a datagram; tell whether the autopilot's heartbeat was in it. Never raises."""
-        heard = False
+        heard, known = False, self._codec.stranger
         for message in self._codec.decode(datagram, now_s):
-            if message.get_srcComponent() == AUTOPILOT:
+            if message.get_type() == KIND:
+                self._sight(message, now_s)
+            elif message.get_srcComponent() == AUTOPILOT:
                 heard |= self._take(message, now_s)
+        if known is None and self._codec.stranger is not None:
+            self.guard.beware(self._codec.stranger, self._settings.system, now_s)
         return heard
+
+    def _sight(self, message: Message, now_s: float) -> None:
+        """Take a tag that the vehicle's camera has seen, whichever component tells of it."""
+        if self._tags is None:
+            return
+        if not plausible(message):
+            self._codec.counts.implausible += 1
+            return
+        sighting = sighting_of(message)
+        if sighting is None:
+            return
+        placed = self._aligner.alignment is not None
+        self._tags.sight(sighting, now_s)
+        if placed and self._aligner.alignment is None:
+            lost = BodyEvent(BodyEventKind.POSITION_LOST, self._tags.reason, now_s)
+            self._events.append(lost)
 
     def _take(self, message: Message, now_s: float) -> bool:
         kind = message.get_type()
@@ -102,6 +131,8 @@ class Session:
         """Return the frames to send now, one datagram each."""
         if self._started_s is None:
             self._started_s = now_s
+        if (words := self._noise.look(self._codec.counts, now_s)) is not None:
+            self._events.append(BodyEvent(BodyEventKind.NOISE, words, now_s))
         boot_ms = int((now_s - self._started_s) * 1000.0)
         messages = [
             message_of(action, self._dialect, self._settings.system, boot_ms)
@@ -123,7 +154,8 @@ class Session:
 
     def take_events(self) -> tuple[BodyEvent, ...]:
         """Return what has happened since the last call."""
-        return self.guard.take_events()
+        own, self._events = self._events, []
+        return (*self.guard.take_events(), *own)
 
     def state(self, now_s: float) -> BodyState | None:
         """Return the vehicle in the common frame, None until its place there is known."""

@@ -7,6 +7,7 @@ clock set back in flight does not make every further message look like a replay.
 
 import re
 import stat
+import time
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -60,6 +61,15 @@ def read_key(path: Path) -> bytes:
     if _HEX_KEY.fullmatch(content.strip()):
         return bytes.fromhex(content.strip().decode("ascii"))
     raise SigningError(f"the signing key {path} is neither 32 bytes nor 64 hexadecimal digits")
+
+
+def signing_key(path: Path | None) -> SigningKey | None:
+    """Return the key of a file as of now, None without a file.
+
+    Raises:
+        SigningError: The file does not serve.
+    """
+    return None if path is None else SigningKey(read_key(path), time.time(), time.monotonic())
 
 
 class Parser(mavlink.MAVLink):  # type: ignore[misc]

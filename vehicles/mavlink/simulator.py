@@ -1,12 +1,18 @@
 """Runs simulated autopilots in real time over UDP."""
 
 import asyncio
+import logging
 import time
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
+from pathlib import Path
 
-from vehicles.mavlink.autopilot import SimulatedAutopilot
-from vehicles.mavlink.udp import Address, Endpoint, Peers, UdpSocket, alongside, open_udp, peer_of
+from vehicles.alongside import alongside
+from vehicles.mavlink.autopilot import AutopilotSettings, SimulatedAutopilot
+from vehicles.mavlink.signing import signing_key
+from vehicles.mavlink.udp import Address, Endpoint, Peers, UdpSocket, open_udp, peer_of
+
+logger = logging.getLogger(__name__)
 
 STEP_S = 0.02
 MAX_PEERS = 8
@@ -66,3 +72,26 @@ async def flying(
             yield simulator
     finally:
         await simulator.socket.close()
+
+
+async def run_autopilot(
+    settings: AutopilotSettings,
+    endpoint: Endpoint,
+    key_file: Path | None = None,
+    ready: Callable[[], None] = lambda: None,
+) -> None:
+    """Fly a simulated autopilot until cancelled.
+
+    Raises:
+        vehicles.mavlink.udp.EndpointError: The link cannot be opened.
+        vehicles.mavlink.signing.SigningError: The key file does not serve.
+    """
+    autopilot = SimulatedAutopilot(settings, signing_key(key_file))
+    clock = asyncio.get_running_loop().time
+    async with flying(autopilot, endpoint, clock):
+        ready()
+        try:
+            await asyncio.get_running_loop().create_future()
+        finally:
+            taken, ignored = autopilot.setpoints, autopilot.ignored_setpoints
+            logger.info("%d setpoints taken, %d ignored", taken, ignored)

@@ -2,11 +2,10 @@
 
 import asyncio
 import re
-from collections.abc import AsyncIterator, Callable, Coroutine
-from contextlib import asynccontextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 Address: TypeAlias = tuple[str, int]
 
@@ -183,22 +182,3 @@ async def peer_of(endpoint: Endpoint) -> Address | None:
         raise EndpointError(f"{endpoint}: {error.strerror or error}") from error
     host, port = found[0][4][:2]
     return (str(host), int(port))
-
-
-@asynccontextmanager
-async def alongside(work: Coroutine[Any, Any, None]) -> AsyncIterator[None]:
-    """Do endless work for the life of the context; either one's failure ends the other.
-
-    A lone error is raised as it is, not as a group of one.
-    """
-    try:
-        async with asyncio.TaskGroup() as tasks:
-            running = tasks.create_task(work)
-            try:
-                yield
-            finally:
-                running.cancel()
-    except BaseExceptionGroup as group:
-        if len(group.exceptions) == 1:
-            raise group.exceptions[0] from None
-        raise

@@ -14,6 +14,7 @@ _ANGLE = (-2.0 * pi, 2.0 * pi)
 _RATE = (-200.0, 200.0)
 _LENGTH = (-1e6, 1e6)
 _SPEED = (-1e3, 1e3)
+_SIGHT = (-200.0, 200.0)
 _LATITUDE = (-900_000_000, 900_000_000)
 _LONGITUDE = (-1_800_000_000, 1_800_000_000)
 _ALTITUDE_MM = (-1_000_000, 100_000_000)
@@ -46,6 +47,7 @@ PLAUSIBLE: Mapping[str, Ranges] = {
     "FENCE_STATUS": {"breach_status": (0, 1)},
     "STATUSTEXT": {"severity": (0, 7)},
     "COMMAND_ACK": {"result": (0, 9)},
+    "LANDING_TARGET": dict.fromkeys(("x", "y", "z"), _SIGHT),
 }
 """Message name to field to its least and greatest plausible value."""
 

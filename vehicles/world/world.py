@@ -5,7 +5,7 @@ by (purpose, robot, zone or target, step), and `move` ends a step: asked twice w
 the world gives the same answer.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Container, Iterable, Mapping
 from math import hypot
 
 import numpy as np
@@ -61,15 +61,17 @@ class World:
         self._failed = {kind: np.zeros(len(setup.robots), dtype=np.bool_) for kind in KINDS}
         self._hits = dict.fromkeys(KINDS, 0)
         self._paths = np.zeros(len(setup.robots))
+        self._placed = np.zeros(len(setup.robots), dtype=np.bool_)
         self._separation = _smallest_distance(self._positions)
 
     # ------------------------------------------------------------------ one step
 
-    def attack(self, dt_s: float) -> tuple[WorldEvent, ...]:
+    def attack(self, dt_s: float, absent: Container[int] = ()) -> tuple[WorldEvent, ...]:
         """Let every zone roll its dice at every robot; then let robots recover.
 
         Args:
             dt_s: Length of the step the dice stand for.
+            absent: Ids of robots to which nothing happens, because nobody flies them now.
 
         Returns:
             Hits and recoveries, by robot in team order, sensing first, by zone as set up.
@@ -80,6 +82,8 @@ class World:
         spread = jammed(self._zones, self._positions, self.setup.jamming)
         events: list[WorldEvent] = []
         for row, robot in enumerate(self.setup.robots):
+            if robot.id in absent:
+                continue
             for kind in KINDS:
                 hits = [
                     self._hit(robot.id, zone, cause)
@@ -125,6 +129,24 @@ class World:
             )
         return Detections(robot_id, position, tuple(sightings))
 
+    def place(self, state: RobotState) -> None:
+        """Put a robot that is flown elsewhere where it says it is; `move` leaves it there.
+
+        Args:
+            state: Where it is. Whether it can sense is the world's business, not its own.
+
+        Raises:
+            KeyError: When there is no such robot.
+        """
+        row = self._rows[state.robot_id]
+        position = np.array(state.position)
+        if self._placed[row]:
+            self._paths[row] += np.linalg.norm(position - self._positions[row])
+        self._placed[row] = True
+        self._positions[row] = position
+        self._velocities[row] = state.velocity
+        self._altitudes[row] = state.altitude_m
+
     def move(
         self,
         dt_s: float,
@@ -135,7 +157,8 @@ class World:
 
         A single integrator flies its velocity, clipped to its box. A double integrator
         accelerates uniformly over the step, within its box, towards the velocity (which it has
-        at the end of the step). A robot that is not named stops.
+        at the end of the step). A robot that is not named stops, one that was placed stays as
+        it is.
 
         Args:
             dt_s: Length of the step, above 0.
@@ -158,8 +181,10 @@ class World:
             raise ValueError(f"commands: not finite: {dict(velocities)}, {altitudes}")
         reach = dt_s * self._climbs
         self._altitudes = self._altitudes + np.clip(heights - self._altitudes, -reach, reach)
-        before = self._positions
-        self._positions, self._velocities = self._fly(dt_s, commands)
+        before, speeds, placed = self._positions, self._velocities, self._placed[:, None]
+        moved, changed = self._fly(dt_s, commands)
+        self._positions = np.where(placed, before, moved)
+        self._velocities = np.where(placed, speeds, changed)
         self._paths += np.linalg.norm(self._positions - before, axis=1)
         self.step += 1
         self.time_s += dt_s
@@ -218,6 +243,27 @@ class World:
             ),
             zones=self._zones,
         )
+
+    def take_over(self, truth: Truth) -> None:
+        """Go on from what was true in a world of the same setup; counters start from 0.
+
+        Raises:
+            KeyError: When the truth tells of a robot or target that is not of this world.
+        """
+        self.time_s, self.step = truth.time_s, truth.step
+        for robot in truth.robots:
+            row = self._rows[robot.id]
+            self._positions[row] = robot.position
+            self._velocities[row] = robot.velocity
+            self._altitudes[row] = robot.altitude_m
+            for kind in KINDS:
+                self._failed[kind][row] = robot.failures.of(kind)
+        for target in truth.targets:
+            if target.id not in self._targets:
+                raise KeyError(target.id)
+            self._targets[target.id] = Kinematics(target.position, target.velocity)
+        self._zones = tuple(_zone_at(zone, self.time_s) for zone in self.setup.zones)
+        self._separation = _smallest_distance(self._positions)
 
     # ------------------------------------------------------------------ counters
 

@@ -7,59 +7,34 @@ import pytest
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
-from solver.arrays import FloatArray
-from tests.vehicles.localization.flights import TAGS, quaternion
+from benchmarks.localization import (
+    SIGHTINGS,
+    WRONG,
+    registration_error,
+    registrations,
+    sightings,
+)
+from benchmarks.odometry import TAGS, quaternion
 from vehicles.localization.measurements import Odometry, TagSighting
 from vehicles.localization.registration import (
     Landmark,
-    Registration,
     RegistrationError,
     landmark,
     register,
 )
-from vehicles.mavlink.frames import Alignment
-
-TRUE = Alignment((3.0, -2.0, 0.4), 2.1)
-SIGHTINGS, WRONG = 20, 4
-
-
-def sightings(dice: np.random.Generator, noise_m: FloatArray, wrong: int) -> list[Landmark]:
-    """Return sightings with noise of given deviations; `wrong` of them of the wrong tag or wild."""
-    seen = []
-    for number in range(SIGHTINGS):
-        tag = number % len(TAGS)
-        common = TAGS[tag]
-        east, north, up = TRUE.to_local((common[0], common[1], common[2]))
-        place = np.array([east, north, up]) + noise_m[number] * dice.normal(size=3)
-        if number < wrong:
-            wild = number % 2 == 0
-            common = common if wild else TAGS[(tag + 1) % len(TAGS)]
-            place = place + (dice.uniform(1.0, 4.0, 3) if wild else 0.0)
-        seen.append(Landmark(common, place, noise_m[number] ** 2 * np.eye(3)))
-    return seen
-
-
-def error(found: Registration) -> FloatArray:
-    shift = np.array(found.alignment.shift) - TRUE.shift
-    return np.array([*shift, math.remainder(found.alignment.yaw_rad - TRUE.yaw_rad, 2 * math.pi)])
-
-
-def misplacement_m(found: Registration) -> float:
-    """Return how far off places are on average that the registration puts where the tags are."""
-    off = []
-    for x, y, z in TAGS.values():
-        off.append(math.dist(found.alignment.to_common(TRUE.to_local((x, y, z))), (x, y, z)))
-    return float(np.mean(off))
 
 
 def test_below_five_centimetres_and_two_degrees() -> None:
     """Twenty sightings with 5 cm of noise per axis, four of them wrong, fifty times."""
+    off_m, turn_rad = registrations(50, seed=3).T
+    assert off_m.max() < 0.05
+    assert turn_rad.max() < math.radians(2.0)
+
+
+def test_wrong_sightings_are_named() -> None:
     dice = np.random.default_rng(3)
-    noise_m = np.full(SIGHTINGS, 0.05)
     for _ in range(50):
-        found = register(sightings(dice, noise_m, WRONG))
-        assert misplacement_m(found) < 0.05
-        assert abs(error(found)[3]) < math.radians(2.0)
+        found = register(sightings(dice, np.full(SIGHTINGS, 0.05), WRONG))
         assert found.agreeing[:WRONG] == (False,) * WRONG
 
 
@@ -70,7 +45,8 @@ def test_the_covariance_is_honest() -> None:
     nees = []
     for _ in range(100):
         found = register(sightings(dice, noise_m, 0))
-        nees.append(error(found) @ np.linalg.solve(found.covariance, error(found)))
+        e = registration_error(found)
+        nees.append(e @ np.linalg.solve(found.covariance, e))
     low, high = chi2.ppf([0.001, 0.999], 100 * 4) / 100
     # Good sightings that are left out by chance (1 %) make it slightly too sure.
     assert low < np.mean(nees) < 1.05 * high
@@ -83,8 +59,8 @@ def test_better_sightings_weigh_more() -> None:
     mixed[::2] = 0.01
     plain, weighed = [], []
     for _ in range(15):
-        plain.append(np.linalg.norm(error(register(sightings(dice, even, 0)))[:3]))
-        weighed.append(np.linalg.norm(error(register(sightings(dice, mixed, 0)))[:3]))
+        plain.append(np.linalg.norm(registration_error(register(sightings(dice, even, 0)))[:3]))
+        weighed.append(np.linalg.norm(registration_error(register(sightings(dice, mixed, 0)))[:3]))
     assert np.mean(weighed) < 0.1 * np.mean(plain)
 
 

@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
-from tests.vehicles.localization.flights import quaternion
+from benchmarks.odometry import quaternion
 from tests.vehicles.localization.pictures import Placed, marker, picture
 from vehicles.localization.measurements import TagSighting
 from vehicles.localization.tags import (

@@ -17,6 +17,7 @@ from vehicles.mavlink.frames import Datum
 from vehicles.mavlink.guard import GuardSettings, TakeOffRule
 from vehicles.mavlink.limits import FlightLimits
 from vehicles.mavlink.session import Session, SessionSettings
+from vehicles.mavlink.tags import TagWatcher
 from vehicles.messages import Mode
 
 STEP_S = 0.02
@@ -96,17 +97,20 @@ def build(
     aligner: Aligner | None = None,
     take_off: TakeOffRule = TakeOffRule.FORBIDDEN,
     limits: FlightLimits | None = None,
+    system: int = 7,
+    tags: TagWatcher | None = None,
     **flight: Any,
 ) -> Air:
     """Return a vehicle and a bridge to it that have not yet heard of each other."""
     dialect = DIALECTS[autopilot]
     settings = AutopilotSettings(
         flight=FlightSettings(dialect=dialect, **flight),
-        system=7,
+        system=system,
         origin=ORIGIN,
     )
     guard = GuardSettings(dialect, limits or FlightLimits(), take_off)
-    session = Session(SessionSettings(guard, system=7), aligner or DatumAlignment(ORIGIN))
+    chosen = aligner or DatumAlignment(ORIGIN)
+    session = Session(SessionSettings(guard, system=system), chosen, tags=tags)
     return Air(SimulatedAutopilot(settings), session)
 
 

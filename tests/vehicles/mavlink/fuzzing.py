@@ -1,4 +1,4 @@
-"""Throws frames with a correct checksum, and plain noise, at a session.
+"""Throws frames with a correct checksum, and plain noise, at the bridge's receiving end.
 
     python -m tests.vehicles.mavlink.fuzzing --frames 1000000 --noise 1000000
 
@@ -14,12 +14,13 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 from tests.vehicles.mavlink.air import ORIGIN
 from tests.vehicles.mavlink.sent import Speaker, text
 from vehicles.mavlink.alignment import DatumAlignment
 from vehicles.mavlink.autopilot import AutopilotSettings, SimulatedAutopilot
+from vehicles.mavlink.bridge import MavlinkBody
 from vehicles.mavlink.codec import Codec
 from vehicles.mavlink.dialects import ARDUPILOT
 from vehicles.mavlink.flight import FlightSettings, Start
@@ -27,9 +28,11 @@ from vehicles.mavlink.guard import GuardSettings
 from vehicles.mavlink.limits import FlightLimits
 from vehicles.mavlink.protocol import mavlink
 from vehicles.mavlink.session import Session, SessionSettings
+from vehicles.mavlink.udp import Address, Peers, UdpSocket
 from vehicles.mavlink.validation import PLAUSIBLE
 
 SYSTEM = 7
+SENDER: Address = ("192.0.2.7", 14550)
 TICK_EVERY = 20
 SECONDS_EACH = 0.003
 
@@ -55,6 +58,20 @@ class Figures:
     """Blocks of memory at the end beyond those at a tenth of the run."""
 
     accepted: int
+
+
+class Outlet:
+    """A socket's sending end that keeps what is sent until it is taken."""
+
+    def __init__(self) -> None:
+        self._sent: list[bytes] = []
+
+    def send(self, frame: bytes, address: Address) -> None:
+        self._sent.append(frame)
+
+    def take(self) -> list[bytes]:
+        sent, self._sent = self._sent, []
+        return sent
 
 
 def session() -> Session:
@@ -124,7 +141,9 @@ def fuzz(
     count: int,
     seed: int,
 ) -> Figures:
-    """Throw `count` datagrams at a session that nobody has given a setpoint or an order.
+    """Throw `count` datagrams at a vehicle that nobody has given a setpoint or an order.
+
+    They go in and out where the bridge's socket does: through its body.
 
     Raises:
         Found: Something escaped, or a setpoint resulted.
@@ -132,21 +151,25 @@ def fuzz(
     reader = Codec(1, 1, None, None)
     datagrams = source(random.Random(seed))
     now_s, early_blocks = 10.0, 0
+    out = Outlet()
+    body = MavlinkBody(target, Peers(SENDER, most=1), lambda: now_s)
+    body.socket = cast("UdpSocket", out)
     started_s = time.perf_counter()
     for number in range(count):
         datagram, now_s = next(datagrams), now_s + SECONDS_EACH
         try:
-            target.receive(datagram, now_s)
-            sent = target.tick(now_s) if number % TICK_EVERY == 0 else []
-            target.state(now_s)
+            body.receive(datagram, SENDER)
+            if number % TICK_EVERY == 0:
+                body.send_due()
+            body.state(now_s)
         except Exception as error:
             where = f"seed {seed}, datagram {number}: {datagram.hex()}"
             raise Found(f"{type(error).__name__}: {error}; {where}") from error
-        for frame in sent:
+        for frame in out.take():
             for message in reader.decode(frame, now_s):
                 if message.get_type() not in ("COMMAND_LONG",):
                     raise Found(f"{message.get_type()} sent; seed {seed}, datagram {number}")
-        target.take_events()
+        body.take_events()
         if number == count // 10:
             early_blocks = blocks()
     growth = blocks() - early_blocks

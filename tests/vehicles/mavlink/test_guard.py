@@ -7,6 +7,7 @@ import pytest
 
 from solver.setpoints import Setpoint
 from tests.vehicles.mavlink.air import (
+    Air,
     build,
     dialect_of,
     eastward,
@@ -250,3 +251,26 @@ def test_the_heartbeat_of_another_kind_of_autopilot_is_not_ours() -> None:
 def test_px4_and_ardupilot_names() -> None:
     assert (ARDUPILOT.name(4), PX4.name(PX4.follow)) == ("GUIDED", "OFFBOARD")
     assert PX4.name(12345) == "mode 0x3039"
+
+
+@BOTH
+def test_the_reason_is_that_of_the_mode_it_is_in(autopilot: Autopilot) -> None:
+    air = flying(autopilot)
+    air.run(1.0)
+    air.flown(2.0, eastward(air))
+    assert reason(air) == "following the planner"
+    air.run(1.5)
+    assert (mode(air), reason(air)) == (Mode.HOLDING, "the planner's setpoints have expired")
+    air.flown(1.0, eastward(air))
+    assert (mode(air), reason(air)) == (Mode.FLYING, "following the planner")
+    air.session.stop(air.now_s, "another robot has this id")
+    air.run(0.2)
+    assert (mode(air), reason(air)) == (Mode.HOLDING, "another robot has this id")
+    air.flown(1.0, eastward(air))
+    assert (mode(air), reason(air)) == (Mode.FLYING, "following the planner")
+
+
+def reason(air: Air) -> str:
+    state = air.session.state(air.now_s)
+    assert state is not None
+    return state.reason

@@ -14,6 +14,7 @@ from mavsdk.asyncio.plugins.telemetry.telemetry import TelemetryAsync  # type: i
 from mavsdk.plugins.offboard.offboard import VelocityNedYaw  # type: ignore[import-untyped]
 from mavsdk.plugins.telemetry.telemetry import FlightMode, LandedState  # type: ignore[import-untyped]
 
+from tests.patience import PATIENCE_S
 from tests.vehicles.mavlink.air import ORIGIN, build
 from tests.vehicles.mavlink.foreign import ForeignVehicle
 from tests.vehicles.mavlink.test_bridge import fly_east
@@ -29,10 +30,8 @@ from vehicles.mavlink.udp import parse_endpoint
 from vehicles.messages import Mode, Order
 
 
-async def until(
-    read: Callable[[], Awaitable[Any]], wanted: Callable[[Any], bool], patience_s: float = 12.0
-) -> None:
-    async with asyncio.timeout(patience_s):
+async def until(read: Callable[[], Awaitable[Any]], wanted: Callable[[Any], bool]) -> None:
+    async with asyncio.timeout(PATIENCE_S):
         while True:
             if wanted(await read()):
                 return
@@ -48,7 +47,7 @@ async def test_a_foreign_ground_station_flies_it(autopilot: Autopilot) -> None:
         station = Configuration.create_with_component_type(ComponentType.GROUND_STATION)
         async with Mavsdk(station) as mavsdk:
             await mavsdk.add_any_connection(f"udpout://127.0.0.1:{simulator.socket.port}")
-            system = await mavsdk.first_autopilot(timeout_s=10.0)
+            system = await mavsdk.first_autopilot(timeout_s=PATIENCE_S)
             assert system is not None
             told, action = TelemetryAsync(system), ActionAsync(system)
 
@@ -90,16 +89,13 @@ async def test_a_foreign_vehicle_is_flown() -> None:
         try:
             await state_is(body, lambda state: state.reason == "waiting for an operator")
             body.order(Order.TAKE_OFF, time.monotonic(), "c1")
-            await state_is(body, lambda state: state.mode is Mode.HOLDING, 15.0)
+            await state_is(body, lambda state: state.mode is Mode.HOLDING)
             await state_is(body, lambda state: abs(state.altitude_m - 2.0) < 0.1)
-            await fly_east(body, 2.0)
-            state = body.state(time.monotonic())
-            assert state is not None
-            assert state.position[0] > 1.0
+            await fly_east(body, lambda state: state.position[0] > 1.0)
             body.order(Order.LAND, time.monotonic(), "c2")
-            await state_is(body, lambda state: state.mode is Mode.LANDED and not state.armed, 15.0)
+            await state_is(body, lambda state: state.mode is Mode.LANDED and not state.armed)
             body.order(Order.TAKE_OFF, time.monotonic(), "c3")
-            await state_is(body, lambda state: state.mode is Mode.HOLDING, 15.0)
+            await state_is(body, lambda state: state.mode is Mode.HOLDING)
             vehicle.take_over()
             await state_is(body, lambda state: state.mode is Mode.MANUAL)
             sent = vehicle.setpoints

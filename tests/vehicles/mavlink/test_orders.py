@@ -4,6 +4,7 @@ import pytest
 
 from tests.vehicles.mavlink.air import build, dialect_of, eastward, flying, kinds_sent, mode
 from vehicles.body import BodyEventKind as Kind
+from vehicles.mavlink.codec import Codec
 from vehicles.mavlink.dialects import Autopilot, px4_mode
 from vehicles.mavlink.guard import Control, TakeOffRule
 from vehicles.messages import Mode, Order
@@ -145,3 +146,43 @@ def test_a_landed_vehicle_is_not_streamed_to() -> None:
     landed_s = air.now_s
     air.flown(3.0, eastward(air))
     assert kinds_sent(air, landed_s)["SET_POSITION_TARGET_LOCAL_NED"] == 0
+
+
+def test_an_order_that_another_replaces_is_answered_too() -> None:
+    air = flying()
+    air.run(2.0)
+    air.down = lambda frame, now_s: []
+    air.session.order(Order.LAND, air.now_s, "c1")
+    air.run(0.5)
+    air.session.order(Order.RETURN, air.now_s, "c2")
+    air.run(20.0)
+    assert [e.order_id for e in air.events if e.kind is Kind.REFUSED] == ["c1", "c2"]
+
+
+def test_down_before_its_heartbeat_has_told_of_landing_counts_as_landed() -> None:
+    air = flying(start_altitude_m=0.6)
+    air.run(2.0)
+    beats = Codec(1, 1, None, None)
+
+    def without_beats(frame: bytes, now_s: float) -> list[bytes]:
+        kinds = {message.get_type() for message in beats.decode(frame, now_s)}
+        return [] if "HEARTBEAT" in kinds else [frame]
+
+    air.up = without_beats
+    air.session.order(Order.LAND, air.now_s, "c1")
+    air.run(6.0)
+    assert mode(air) is Mode.LANDED
+    assert [e.order_id for e in air.events if e.kind is Kind.DONE] == ["c1"]
+
+
+def test_another_system_on_the_link_is_told_once() -> None:
+    air = flying()
+    air.run(2.0)
+    other = build(system=9)
+    for _ in range(20):
+        for frame in other.autopilot.tick(air.now_s):
+            assert not air.session.receive(frame, air.now_s)
+        air.run(0.1)
+    assert [e.text for e in air.events if e.kind is Kind.STRANGER] == [
+        "system 9 speaks on the link; only system 7 is listened to"
+    ]
