@@ -3,15 +3,29 @@
 Live and lockstep ask the same questions from the same snapshots; only the clock differs.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 from llm.consultation import Consultation, consult_action, consult_task
 from llm.history import History
 from llm.prompts import PromptView
+from llm.styles import PromptStyle
+from server.gate.decisions import Decision, Refuser
+from server.gate.decisions import Loop as CardLoop
 from server.mission.core import MissionCore
 from server.result import LoopTally
 from solver.observations import Link
 from solver.snapshot import Snapshot, TrackStatus
+
+SILENT_PERIODS = 2.0
+"""Task periods without a valid assignment after which our own solver assigns."""
+
+_SILENCES = frozenset({Refuser.NO_ANSWER, Refuser.PARSING, Refuser.VERIFICATION})
+
+
+Ask = Callable[[], Consultation]
+"""Makes a question. It takes its time with a large team, and may do so in another thread."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,11 +36,45 @@ class Wake:
     action: bool
 
 
+class Relief:
+    """When our own assignment solver steps in for a task model that has fallen silent.
+
+    The third rung of the ladder: a model that has given no valid assignment for
+    `SILENT_PERIODS` of its periods, whatever the reason, is stood in for, once per period,
+    until it answers again. The weights stay as they are.
+    """
+
+    def __init__(self, task_period_s: float) -> None:
+        self._period_s = task_period_s
+        self._heard_s = 0.0
+        self._solved_s: float | None = None
+
+    def note(self, card: Decision) -> None:
+        """Take note of a decision: a valid answer of the task model ends the silence.
+
+        Also where the gate or a person refused it: the model is there.
+        """
+        if card.loop is CardLoop.TASK and card.refused_by not in _SILENCES:
+            self._heard_s = card.time_s
+            self._solved_s = None
+
+    def due(self, now_s: float) -> bool:
+        """Return whether to solve now; true once per period of silence."""
+        since_s = self._heard_s + SILENT_PERIODS * self._period_s
+        if self._solved_s is not None:
+            since_s = self._solved_s + self._period_s
+        if now_s < since_s - 1e-9:
+            return False
+        self._solved_s = now_s
+        return True
+
+
 class Advisors:
     """Makes the consultations of one mission and notices what should wake its loops."""
 
-    def __init__(self, core: MissionCore) -> None:
+    def __init__(self, core: MissionCore, style: PromptStyle = PromptStyle.FULL) -> None:
         self._core = core
+        self._style = style
         self._history = History()
         self._last: Snapshot | None = None
         self._count = 0
@@ -50,13 +98,13 @@ class Advisors:
             action=bool(said) or bool(snapshot.attacks) or links or failures,
         )
 
-    def task(self) -> Consultation:
-        """Return a new question to the task model."""
-        return consult_task(self._view(), self._name("t"))
+    def task(self) -> Ask:
+        """Return what makes a new question to the task model, from the snapshot of now."""
+        return partial(consult_task, self._view(), self._name("t"))
 
-    def action(self) -> Consultation:
-        """Return a new question to the action model."""
-        return consult_action(self._view(), self._name("a"))
+    def action(self) -> Ask:
+        """Return what makes a new question to the action model, from the snapshot of now."""
+        return partial(consult_action, self._view(), self._name("a"))
 
     def _view(self) -> PromptView:
         return PromptView(
@@ -64,6 +112,7 @@ class Advisors:
             history=self._history.entries,
             limits=self._core.limits,
             attacks=self._history.latest_attacks,
+            style=self._style,
         )
 
     def _name(self, letter: str) -> str:
@@ -79,8 +128,8 @@ def tally_outcome(tally: LoopTally, consultation: Consultation, *, adopted: bool
     tally.valid_first += stats.valid_first
     tally.valid += stats.valid
     tally.adopted += adopted
-    tally.tokens_in.append(stats.tokens_in)
-    tally.tokens_out.append(stats.tokens_out)
+    tally.tokens_in.add(stats.tokens_in)
+    tally.tokens_out.add(stats.tokens_out)
 
 
 def _standing(snapshot: Snapshot) -> set[str]:

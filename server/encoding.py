@@ -4,6 +4,7 @@ Numbers are rounded to what a display can use, and JSON has no NaN or infinity: 
 finite number becomes null. Frame ENU, metres, seconds.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from enum import StrEnum
 from typing import Any
@@ -11,10 +12,18 @@ from typing import Any
 import numpy as np
 
 from server.loops import LoopReport
+from server.mission.setup import ZoneDefaults
 from solver.arrays import FloatArray
 from solver.directives import CommentVerdict, Directives, Weights
 from solver.observations import Link
-from solver.snapshot import CommentReceipt, RobotTable, Snapshot, SolveSummary, TrackTable
+from solver.snapshot import (
+    CommentReceipt,
+    InferredZone,
+    RobotTable,
+    Snapshot,
+    SolveSummary,
+    TrackTable,
+)
 from solver.zones import Point, Zone, ZoneKind
 
 STREAM_VERSION = 1
@@ -25,12 +34,16 @@ Json = dict[str, Any]
 _METRES = 3
 _SQUARE_METRES = 6
 _SECONDS = 3
+_STAMP = 4
 
 
 class MissionState(StrEnum):
     """Where a mission stands."""
 
     CREATED = "created"
+    QUEUED = "queued"
+    """In lockstep: waiting for a process to be free."""
+
     RUNNING = "running"
     HELD = "held"
     """Flying, but told to stand still by a person."""
@@ -40,7 +53,7 @@ class MissionState(StrEnum):
 
     ENDED = "ended"
     FAILED = "failed"
-    """Its process is gone. Vehicles hold by themselves; `start` begins it afresh."""
+    """Its process is gone. Vehicles hold by themselves; `start` brings it up held, where it was."""
 
 
 class EventKind(StrEnum):
@@ -49,6 +62,7 @@ class EventKind(StrEnum):
     COMMENT = "comment"
     PROPOSAL = "proposal"
     VERDICT = "verdict"
+    DECISION = "decision"
     DIRECTIVES = "directives"
     ATTACK = "attack"
     RECOVERY = "recovery"
@@ -75,13 +89,17 @@ def snapshot_message(
     loops: Mapping[str, LoopReport],
     field: tuple[Point, Point],
     weight_bounds: tuple[Weights, Weights],
+    severity_bounds: tuple[float, float],
+    zone_defaults: Mapping[ZoneKind, ZoneDefaults],
     attacks: Mapping[ZoneKind, int],
     truth: Json | None = None,
+    stamp_s: float | None = None,
 ) -> Json:
     """Return the stream's message for one snapshot.
 
-    `mission` is its id here; `field` and `weight_bounds` are (lower, upper); `attacks`
-    counts hits since the start; `truth` is `truth_object` of a simulated world.
+    `mission` is its id here; `field` and the bounds are (lower, upper); `zone_defaults` say what
+    a drawn zone gets; `attacks` counts hits since the start; `truth` is `truth_object` of a
+    simulated world; `stamp_s` is this machine's monotonic clock, where time is real.
     """
     return {
         "type": "snapshot",
@@ -94,7 +112,11 @@ def snapshot_message(
         "robots": _robots(snapshot.robots),
         "targets": _targets(snapshot.tracks),
         "zones": _zones(snapshot),
-        "directives": _directives(snapshot.directives, weight_bounds),
+        "zone_defaults": {
+            kind.value: {"margin": zone_defaults[kind].margin, "risk": zone_defaults[kind].risk}
+            for kind in ZoneKind
+        },
+        "directives": _directives(snapshot.directives, weight_bounds, severity_bounds),
         "solve": None if snapshot.solve is None else _solve(snapshot.solve),
         "trace": number(snapshot.trace, _SQUARE_METRES),
         "guidance": {
@@ -105,6 +127,7 @@ def snapshot_message(
         "attacks": {kind.value: attacks.get(kind, 0) for kind in ZoneKind},
         "comments": [comment_object(r) for r in (*snapshot.closed, *snapshot.receipts)],
         "truth": truth,
+        "stamp_s": number(stamp_s, _STAMP),
     }
 
 
@@ -138,8 +161,8 @@ def truth_object(
 ) -> Json:
     """Return what a simulated world knows: true places, and zones nobody has found yet."""
     return {
-        "robots": [{"id": i, "position": numbers(p, _METRES)} for i, p in robots.items()],
-        "targets": [{"id": i, "position": numbers(p, _METRES)} for i, p in targets.items()],
+        "robots": _places(robots),
+        "targets": _places(targets),
         "zones": [
             {
                 "id": zone.id,
@@ -162,8 +185,16 @@ def comment_object(receipt: CommentReceipt) -> Json:
         "time_s": number(comment.time_s, _SECONDS),
         "expires_s": number(comment.time_s + comment.ttl_s, _SECONDS),
         "status": receipt.status,
-        "task": _answer(receipt.task, receipt.task_reason),
-        "action": _answer(receipt.action, receipt.action_reason),
+        **loop_answers(receipt),
+    }
+
+
+def loop_answers(receipt: CommentReceipt) -> Json:
+    """Return what each loop answered to a comment, and the proposal that it answered with."""
+    r = receipt
+    return {
+        "task": _answer(r.task, r.task_reason, r.task_feedback, r.task_proposal),
+        "action": _answer(r.action, r.action_reason, r.action_feedback, r.action_proposal),
     }
 
 
@@ -181,7 +212,7 @@ def keep_out_axes_m(zone: Zone, severity: float, spread_m: float) -> tuple[float
 
 def number(value: float | None, digits: int) -> float | None:
     """Return a rounded number, None for what JSON cannot say."""
-    if value is None or not np.isfinite(value):
+    if value is None or not math.isfinite(value):
         return None
     return round(float(value), digits)
 
@@ -197,16 +228,34 @@ def rounded(matrix: FloatArray, digits: int) -> list[list[float]] | None:
     return np.round(matrix, digits).tolist() if np.isfinite(matrix).all() else None
 
 
+def _rows(table: FloatArray, digits: int) -> list[Any]:
+    """Return each row of an array as `rounded` would, at once: one row per robot or target."""
+    axes = tuple(range(1, table.ndim))
+    finite = np.asarray(np.isfinite(table).all(axis=axes))
+    rows = np.round(table, digits).tolist()
+    return [row if good else None for row, good in zip(rows, finite, strict=True)]
+
+
+def _places(places: Mapping[int, tuple[float, float]]) -> list[Json]:
+    rows = _rows(np.array(list(places.values()), dtype=float).reshape(-1, 2), _METRES)
+    return [{"id": i, "position": row} for i, row in zip(places, rows, strict=True)]
+
+
 def _robots(table: RobotTable) -> list[Json]:
+    heights = np.asarray(table.altitudes, dtype=float)
+    positions = _rows(np.column_stack((table.positions, heights)), _METRES)
+    waypoints = _rows(np.column_stack((table.waypoints, heights)), _METRES)
+    velocities = _rows(table.velocities, _METRES)
+    setpoints = _rows(table.setpoint_velocities, _METRES)
     return [
         {
             "id": robot_id,
-            "position": numbers([*table.positions[i], table.altitudes[i]], _METRES),
-            "velocity": numbers(table.velocities[i], _METRES),
+            "position": positions[i],
+            "velocity": velocities[i],
             "link": table.links[i].value,
             "sensing_failed": bool(table.sensing_failed[i]),
-            "setpoint": numbers(table.setpoint_velocities[i], _METRES),
-            "waypoint": numbers([*table.waypoints[i], table.altitudes[i]], _METRES),
+            "setpoint": setpoints[i],
+            "waypoint": waypoints[i],
             "state_age_s": number(table.state_age_s[i], 2),
         }
         for i, robot_id in enumerate(table.ids)
@@ -214,12 +263,15 @@ def _robots(table: RobotTable) -> list[Json]:
 
 
 def _targets(table: TrackTable) -> list[Json]:
+    positions = _rows(table.positions, _METRES)
+    velocities = _rows(table.velocities, _METRES)
+    covariances = _rows(table.covariances, _SQUARE_METRES)
     return [
         {
             "id": target_id,
-            "position": numbers(table.positions[i], _METRES),
-            "velocity": numbers(table.velocities[i], _METRES),
-            "covariance": rounded(table.covariances[i], _SQUARE_METRES),
+            "position": positions[i],
+            "velocity": velocities[i],
+            "covariance": covariances[i],
             "unseen_s": number(table.unseen_s[i], 1),
             "status": table.status[i].value,
         }
@@ -229,6 +281,7 @@ def _targets(table: TrackTable) -> list[Json]:
 
 def _zones(snapshot: Snapshot) -> list[Json]:
     spread_m = _spread_m(snapshot.robots)
+    inferred = {one.zone_id: one for one in snapshot.inferred}
     found = []
     for column, zone in enumerate(snapshot.zones):
         severity = snapshot.directives.severity_of(zone.id)
@@ -246,9 +299,27 @@ def _zones(snapshot: Snapshot) -> list[Json]:
                 "keep_out_m": number(axes_m[0], _METRES),
                 "keep_out_axes_m": numbers(axes_m, _METRES),
                 "known_by": [snapshot.robots.ids[row] for row in holders],
+                **_origin(inferred.get(zone.id)),
             }
         )
     return found
+
+
+def _origin(inferred: InferredZone | None) -> Json:
+    """Return how a zone became known, and how sure that is where it was inferred."""
+    if inferred is None:
+        return {"origin": "told", "confidence": None, "inferred": None}
+    return {
+        "origin": "inferred",
+        "confidence": number(inferred.confidence, 3),
+        "inferred": {
+            "extent": rounded(np.asarray(inferred.extent), _SQUARE_METRES),
+            "centre_covariance": rounded(np.asarray(inferred.centre_covariance), _SQUARE_METRES),
+            "strength": number(inferred.strength, 3),
+            "strength_deviation": number(inferred.strength_deviation, 3),
+            "since_s": number(inferred.since_s, _SECONDS),
+        },
+    }
 
 
 def _spread_m(table: RobotTable) -> float:
@@ -259,12 +330,16 @@ def _spread_m(table: RobotTable) -> float:
     return float(np.sqrt((offsets**2).sum(axis=-1)).max(initial=0.0))
 
 
-def _directives(directives: Directives, weight_bounds: tuple[Weights, Weights]) -> Json:
+def _directives(
+    directives: Directives,
+    weight_bounds: tuple[Weights, Weights],
+    severity_bounds: tuple[float, float],
+) -> Json:
     lower, upper = weight_bounds
+    rows = directives.rows()
     return {
         "assignment": {
-            str(robot_id): list(directives.targets_of(robot_id))
-            for robot_id, _ in directives.capacities
+            str(robot_id): list(rows.get(robot_id, ())) for robot_id, _ in directives.capacities
         },
         "weights": directives.weights._asdict(),
         "weight_bounds": {
@@ -272,6 +347,7 @@ def _directives(directives: Directives, weight_bounds: tuple[Weights, Weights]) 
         },
         "capacities": {str(robot_id): capacity for robot_id, capacity in directives.capacities},
         "severities": dict(directives.severities),
+        "severity_bounds": list(severity_bounds),
         "pins": [
             {
                 "id": pin.id,
@@ -303,11 +379,21 @@ def _loop(report: LoopReport) -> Json:
         "rate_hz": number(report.rate_hz, 3),
         "mean_s": number(report.mean_s, 4),
         "success_rate": number(report.success_rate, 3),
+        "adopted_rate": number(report.adopted_rate, 3),
         "age_s": number(report.age_s, 1),
         "calls": report.calls,
         "missed": report.missed,
     }
 
 
-def _answer(verdict: CommentVerdict | None, reason: str) -> Json | None:
-    return None if verdict is None else {"verdict": verdict.value, "reason": reason}
+def _answer(
+    verdict: CommentVerdict | None, reason: str, feedback: str, proposal: str
+) -> Json | None:
+    if verdict is None:
+        return None
+    return {
+        "verdict": verdict.value,
+        "reason": reason,
+        "feedback": feedback,
+        "proposal": proposal,
+    }

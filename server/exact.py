@@ -3,8 +3,8 @@
 from server.mission.changes import assignment_proposal
 from server.mission.setup import MissionSetup
 from solver.assignment import AssignmentSettings, assign
+from solver.beliefs import MotionModel
 from solver.directives import Proposal, Source
-from solver.estimation import MotionModel
 from solver.problem import Dynamics
 from solver.snapshot import Snapshot
 

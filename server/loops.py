@@ -77,8 +77,14 @@ class LoopReport:
     rate_hz: float | None
     mean_s: float | None
     success_rate: float | None
+    """Share of calls that ended well: a plan that converged, an answer that was valid."""
+
     age_s: float | None
     """Since the last success; None before the first."""
+
+    adopted_rate: float | None = None
+    """Share of decided calls whose answer went into force; None before the first, and for the
+    optimizer, whose plans nobody decides about."""
 
 
 class LoopMeter:
@@ -88,6 +94,7 @@ class LoopMeter:
         self._ends: deque[float] = deque(maxlen=window)
         self._durations: deque[float] = deque(maxlen=window)
         self._successes: deque[bool] = deque(maxlen=window)
+        self._adoptions: deque[bool] = deque(maxlen=window)
         self._last_success_s: float | None = None
         self._calls = 0
         self._missed = 0
@@ -101,6 +108,10 @@ class LoopMeter:
         if success:
             self._last_success_s = end_s
 
+    def decided(self, *, adopted: bool) -> None:
+        """Take note of whether a call's answer went into force, whenever that is known."""
+        self._adoptions.append(adopted)
+
     def miss(self, count: int = 1) -> None:
         """Count calls that were due and did not happen in time."""
         self._missed += count
@@ -110,7 +121,7 @@ class LoopMeter:
         rate = None
         if len(self._ends) > 1 and self._ends[-1] > self._ends[0]:
             rate = (len(self._ends) - 1) / (self._ends[-1] - self._ends[0])
-        count = len(self._durations)
+        count, decided = len(self._durations), len(self._adoptions)
         return LoopReport(
             calls=self._calls,
             missed=self._missed,
@@ -118,4 +129,5 @@ class LoopMeter:
             mean_s=sum(self._durations) / count if count else None,
             success_rate=sum(self._successes) / count if count else None,
             age_s=None if self._last_success_s is None else now_s - self._last_success_s,
+            adopted_rate=sum(self._adoptions) / decided if decided else None,
         )

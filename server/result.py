@@ -3,11 +3,9 @@
 from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
-
-from llm.verification import beta
+from server.durations import Average, Durations
+from server.encoding import loop_answers
 from server.mission.setup import Compat, MissionSetup
-from solver.directives import CommentVerdict
 from solver.problem import Rung
 from solver.snapshot import CommentReceipt, Snapshot
 
@@ -27,10 +25,23 @@ class LoopTally:
     adopted: int = 0
     """Valid answers that went into force."""
 
-    tokens_in: list[int] = field(default_factory=list)
-    tokens_out: list[int] = field(default_factory=list)
-    latencies_s: list[float] = field(default_factory=list)
+    tokens_in: Average = field(default_factory=Average)
+    tokens_out: Average = field(default_factory=Average)
+    latency_s: Average = field(default_factory=Average)
     """From the question to the verified answer, or to giving up."""
+
+    def plus(self, other: "LoopTally") -> "LoopTally":
+        """Return the account of both together."""
+        return LoopTally(
+            calls=self.calls + other.calls,
+            tries=self.tries + other.tries,
+            valid_first=self.valid_first + other.valid_first,
+            valid=self.valid + other.valid,
+            adopted=self.adopted + other.adopted,
+            tokens_in=self.tokens_in.plus(other.tokens_in),
+            tokens_out=self.tokens_out.plus(other.tokens_out),
+            latency_s=self.latency_s.plus(other.latency_s),
+        )
 
     def as_json(self) -> dict[str, Any]:
         """Return the contract's object; means and rates are None at 0 calls."""
@@ -41,9 +52,9 @@ class LoopTally:
             "valid": self.valid,
             "adopted": self.adopted,
             "success_rate": self.valid / self.calls if self.calls else None,
-            "mean_tokens_in": _mean(self.tokens_in),
-            "mean_tokens_out": _mean(self.tokens_out),
-            "mean_latency_s": _mean(self.latencies_s),
+            "mean_tokens_in": self.tokens_in.mean,
+            "mean_tokens_out": self.tokens_out.mean,
+            "mean_latency_s": self.latency_s.mean,
         }
 
 
@@ -53,17 +64,18 @@ class RunTally:
 
     trace: float = 0.0
     trace_authors: float = 0.0
-    errors_m: list[float] = field(default_factory=list)
-    solve_s: list[float] = field(default_factory=list)
+    error_m: Average = field(default_factory=Average)
+    solve: Durations = field(default_factory=Durations)
     rungs: dict[Rung, int] = field(default_factory=lambda: dict.fromkeys(Rung, 0))
 
     def step(self, snapshot: Snapshot, errors_m: list[float], trace_authors: float) -> None:
         """Count one committed tick; `errors_m` are distances of estimates to the truth."""
         self.trace += snapshot.trace
         self.trace_authors += trace_authors
-        self.errors_m.extend(errors_m)
+        for error_m in errors_m:
+            self.error_m.add(error_m)
         if snapshot.solve is not None:
-            self.solve_s.append(snapshot.solve.solve_s)
+            self.solve.add(snapshot.solve.solve_s)
             self.rungs[snapshot.solve.rung] += 1
 
 
@@ -90,8 +102,7 @@ def result_json(
     wall_s: float,
 ) -> dict[str, Any]:
     """Return the run's one JSON object, keys as promised to users."""
-    ticks = len(tally.solve_s)
-    times_ms = 1e3 * np.asarray(tally.solve_s) if ticks else None
+    ticks = tally.solve.count
     result: dict[str, Any] = {
         "scenario": setup.name,
         "seed": setup.seed,
@@ -104,13 +115,13 @@ def result_json(
         "communication_attacks": world.communication_attacks,
         "trajectory_length_m": world.trajectory_length_m,
         "min_separation_m": world.min_separation_m,
-        "position_error_m": _mean(tally.errors_m),
+        "position_error_m": tally.error_m.mean,
         "wall_s": wall_s,
         "optimizer": {
             "ticks": ticks,
-            "median_ms": None if times_ms is None else float(np.median(times_ms)),
-            "p99_ms": None if times_ms is None else float(np.percentile(times_ms, 99)),
-            "max_ms": None if times_ms is None else float(times_ms.max()),
+            "median_ms": _ms(tally.solve.quantile_s(0.5)),
+            "p99_ms": _ms(tally.solve.quantile_s(0.99)),
+            "max_ms": _ms(tally.solve.longest_s if ticks else None),
             "success_rate": tally.rungs[Rung.CONVERGED] / ticks if ticks else None,
             "rungs": {rung.value: count for rung, count in tally.rungs.items()},
         },
@@ -125,7 +136,10 @@ def result_json(
 
 
 def directives_json(snapshot: Snapshot) -> dict[str, Any]:
-    """Return what was in force at the end, and the beta(A) of it (paper, eq. 5)."""
+    """Return what was in force at the end, and the beta(A) of it (paper, eq. 4)."""
+    # The web side reads results and never makes one; verification brings half of SciPy along.
+    from llm.verification import beta
+
     directives = snapshot.directives
     return {
         "assignment": {str(rid): directives.targets_of(rid) for rid in snapshot.robots.ids},
@@ -143,14 +157,9 @@ def receipt_json(receipt: CommentReceipt) -> dict[str, Any]:
         "time_s": receipt.comment.time_s,
         "text": receipt.comment.text,
         "status": receipt.status,
-        "task": _said(receipt.task, receipt.task_reason),
-        "action": _said(receipt.action, receipt.action_reason),
+        **loop_answers(receipt),
     }
 
 
-def _said(verdict: CommentVerdict | None, reason: str) -> dict[str, str] | None:
-    return None if verdict is None else {"verdict": verdict.value, "reason": reason}
-
-
-def _mean(values: list[float] | list[int]) -> float | None:
-    return sum(values) / len(values) if values else None
+def _ms(duration_s: float | None) -> float | None:
+    return None if duration_s is None else 1e3 * duration_s

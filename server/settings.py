@@ -20,20 +20,19 @@ from pydantic_settings import (
     TomlConfigSettingsSource,
 )
 
+from server.errors import BadInput
+
 SETTINGS_FILE = "falconer.toml"
 PREFIX = "FALCONER_"
 
-NOT_BUILT = frozenset({"database_url", "recordings", "session_secret"})
-"""Names that are reserved: setting one is refused until its feature is there."""
-
-ENVIRONMENT_ONLY = frozenset({"cache_dir"})
+ENVIRONMENT_ONLY = frozenset({"cache_dir", "log_format"})
 """Read from the environment by whoever needs them, below this floor; as are all secrets."""
 
 Token = Annotated[SecretStr, Field(min_length=16)]
 Url = Annotated[str, Field(pattern=r"^https?://[^/\s]+")]
 
 
-class SettingsError(Exception):
+class SettingsError(BadInput):
     """Raised when a setting is unknown, out of its range, or in the wrong place."""
 
 
@@ -55,6 +54,13 @@ class Settings(BaseSettings):
     operator_token: Token | None = Field(None, description="Token of those who may steer.")
     viewer_token: Token | None = Field(None, description="Token of those who may only look.")
     session_secret: Token | None = Field(None, description="Signs the cookies of browsers.")
+    request_rate: float = Field(
+        50.0,
+        ge=0.1,
+        le=1e6,
+        allow_inf_nan=False,
+        description="API requests per second that one client may go on asking.",
+    )
     llm_base_url: Url | None = Field(
         None, description="OpenAI-compatible endpoint, such as http://127.0.0.1:8080/v1."
     )
@@ -73,13 +79,31 @@ class Settings(BaseSettings):
     )
     zenoh_tls_certificate: Path | None = Field(None, description="PEM file of our certificate.")
     zenoh_tls_key: Path | None = Field(None, description="PEM file of its private key.")
-    zenoh_config_file: Path | None = Field(
-        None, description="Zenoh's own file, for everything else (access control)."
+    zenoh_tls_mutual: bool = Field(
+        default=False, description="Where we listen: ask for the others' certificates too."
     )
-    database_url: str | None = Field(None, description="Where the journal is kept.")
+    zenoh_users_file: Path | None = Field(
+        None, description="Where we listen: file of those who may log in, NAME:PASSWORD lines."
+    )
+    zenoh_access: Literal["team", "open"] = Field(
+        "team", description="Where we listen: whether each party may only say and hear its own."
+    )
+    zenoh_config_file: Path | None = Field(
+        None, description="Zenoh's own file, for everything else; its access rules replace ours."
+    )
+    database_url: SecretStr | None = Field(
+        None, description="Where the journal is kept: sqlite:////file or postgresql://..."
+    )
+    auto_resume: bool = Field(
+        default=False,
+        description="Let an interrupted mission fly on by itself, in a simulated world.",
+    )
     recordings: Path | None = Field(None, description="Folder that recordings are written to.")
     engine: Literal["fast", "sqp", "ipopt"] | None = Field(
         None, description="Optimizer engine, before the scenario's own."
+    )
+    log_format: Literal["text", "json"] = Field(
+        "text", description="How log lines are written. Read by each process itself."
     )
     cache_dir: Path | None = Field(
         None, description="Folder of the compiled kernels. Read by the solver itself."
@@ -96,6 +120,17 @@ class Settings(BaseSettings):
     ) -> tuple[PydanticBaseSettingsSource, ...]:
         """Arguments first, then the environment, then the file."""
         return init_settings, env_settings, TomlConfigSettingsSource(settings_cls)
+
+    def journal_address(self) -> str:
+        """Return where the journal is kept: by default a file of this user's, one per port."""
+        if self.database_url is not None:
+            return self.database_url.get_secret_value()
+        return f"sqlite:///{self.state_folder() / f'journal-{self.port}.db'}"
+
+    def state_folder(self) -> Path:
+        """Return the folder of what a server keeps: the journal, results of experiments."""
+        state = os.environ.get("XDG_STATE_HOME") or "~/.local/state"
+        return Path(state).expanduser() / "falconer"
 
     def operator_tokens(self) -> tuple[str, ...]:
         """Return the tokens that may change things."""
@@ -114,8 +149,8 @@ def load_settings(**arguments: Any) -> Settings:
     """Return the settings of this process; None among the arguments means not given.
 
     Raises:
-        SettingsError: A setting is misspelt, out of range, a secret in the file, or reserved
-            for what is not built yet. The message never holds a secret.
+        SettingsError: A setting is misspelt, out of range, or a secret in the file.
+            The message never holds a secret.
     """
     _check_environment()
     _check_file(Path(SETTINGS_FILE))
@@ -124,8 +159,6 @@ def load_settings(**arguments: Any) -> Settings:
         settings = Settings(**given)
     except ValidationError as error:
         raise SettingsError("\n".join(map(_problem, error.errors(include_input=False)))) from None
-    for name in sorted(NOT_BUILT & settings.model_fields_set):
-        raise SettingsError(f"{variable(name)} is reserved: this version cannot do that yet")
     return settings
 
 

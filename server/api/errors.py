@@ -10,6 +10,8 @@ from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from starlette.exceptions import HTTPException
 
+from server.api.openapi import allowed_methods
+
 log = structlog.get_logger(__name__)
 
 MAX_SHOWN_PROBLEMS = 20
@@ -38,9 +40,11 @@ def error_body(code: str, message: str, details: Mapping[str, Any] | None = None
 
 
 def error_response(error: ServiceError) -> JSONResponse:
-    """Return an error as an HTTP response."""
+    """Return an error as an HTTP response; one that passes says when in Retry-After too."""
     body = error_body(error.code, error.message, error.details)
-    return JSONResponse(body, status_code=error.status)
+    wait_s = error.details.get("retry_after_s")
+    headers = None if wait_s is None else {"retry-after": str(wait_s)}
+    return JSONResponse(body, status_code=error.status, headers=headers)
 
 
 def install(app: FastAPI) -> None:
@@ -64,9 +68,13 @@ async def _on_http_exception(request: Request, error: Exception) -> JSONResponse
     phrase = HTTPStatus(error.status_code).phrase
     code = phrase.lower().replace(" ", "_").replace("-", "_")
     message = f"{request.method} {request.url.path}: {error.detail or phrase}"
-    return JSONResponse(
-        error_body(code, message), status_code=error.status_code, headers=error.headers
-    )
+    headers = dict(error.headers or {})
+    if error.status_code == HTTPStatus.METHOD_NOT_ALLOWED:
+        below = request.scope["path"].removeprefix(request.scope.get("root_path", ""))
+        headers["allow"] = ", ".join(allowed_methods(request.app, below)) or headers.get(
+            "allow", ""
+        )
+    return JSONResponse(error_body(code, message), status_code=error.status_code, headers=headers)
 
 
 async def _on_invalid_request(request: Request, error: Exception) -> JSONResponse:

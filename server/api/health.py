@@ -16,11 +16,13 @@ async def healthz() -> Health:
 
 @router.get("/readyz")
 async def readyz(request: Request) -> Readiness:
-    """Answer while missions can be taken, and tell of the live one."""
+    """Answer while missions can be steered; degraded while no comments can be taken."""
     service = service_of(request)
     live = service.live_mission()
+    journal = service.journal
     return Readiness(
-        status="ready",
+        status="ready" if journal.available else "degraded",
+        reason="" if journal.available else f"the journal is not available: {journal.reason}",
         live_mission=None if live is None else live.id,
         readers=0 if live is None else service.readers(live.id),
     )

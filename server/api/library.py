@@ -1,28 +1,30 @@
 """The catalogue of a real server: scenarios that come with Falconer, models from the settings."""
 
-import json
-from collections.abc import Sequence
+from collections.abc import Mapping
+from dataclasses import replace
 from http import HTTPStatus
+from typing import Any, Final
 
+from pydantic import TypeAdapter
+
+from llm.local import worker
 from server.api.catalogue import Definition
+from server.api.definitions import ENDPOINT, address_of, define_live
 from server.api.errors import ServiceError
 from server.api.models import Clock, LlmProfile, MissionRequest, ScenarioInfo
 from server.bus import planner_bus
-from server.live.job import PlannerJob
-from server.live.job import dump_job as dump_planner_job
+from server.lockstep.job import LockstepJob
+from server.lockstep.job import dump_job as dump_lockstep_job
 from server.mission.setup import MissionSetup
+from server.models import LOCAL
 from server.scenarios import library
 from server.scenarios.errors import ScenarioError
 from server.scenarios.schema import Scenario
 from server.settings import Settings
-from vehicles.sim_worker import SimulationJob
-from vehicles.sim_worker import dump_job as dump_world_job
-from vehicles.simulation import SimulationSettings
 from vehicles.world.setup import WorldSetup
 from vehicles.zenoh_settings import ZenohSettings
 
-ENDPOINT = "endpoint"
-"""The profile of the model that the settings name."""
+_BUS: Final = TypeAdapter(ZenohSettings)
 
 
 class ScenarioLibrary:
@@ -45,10 +47,30 @@ class ScenarioLibrary:
             LlmProfile(name="exact", description="Our assignment solver; weights stay."),
             LlmProfile(name="none", description="Nobody advises: the scenario's directives stay."),
         ]
+        if worker.missing() is None:
+            words = "A small language model in a process of its own; no network."
+            found.append(LlmProfile(name=LOCAL, description=words))
         if self._settings.llm_base_url is not None:
             name = self._settings.llm_model
             found.append(LlmProfile(name=ENDPOINT, description=f"The configured model, {name}."))
         return tuple(found)
+
+    def describe(self, scenario: dict[str, Any]) -> ScenarioInfo:
+        """Check a whole scenario and return what it is. Raises ServiceError 422."""
+        try:
+            return _info(library.inline(scenario))
+        except ScenarioError as error:
+            raise ServiceError(
+                "scenario_invalid", str(error), HTTPStatus.UNPROCESSABLE_ENTITY
+            ) from error
+
+    def bus(self, planner: Mapping[str, Any]) -> dict[str, Any]:
+        """Return where a stored planner job stands on the bus by the settings, as JSON values."""
+        setup = planner["setup"]
+        robot_ids = tuple(robot["id"] for robot in setup["robots"])
+        settings = planner_bus(self._settings, setup["team"], robot_ids)
+        values: dict[str, Any] = _BUS.dump_python(settings, mode="json")
+        return values
 
     def define(self, request: MissionRequest) -> Definition:
         """Check a request and return what to run. Raises ServiceError 422."""
@@ -61,58 +83,43 @@ class ScenarioLibrary:
             raise ServiceError(
                 "scenario_invalid", str(error), HTTPStatus.UNPROCESSABLE_ENTITY
             ) from error
-        if request.llm not in {profile.name for profile in self.profiles()}:
-            raise ServiceError(
-                "llm_unknown",
-                f"There is no model profile {request.llm}; see GET /api/v1/llm-profiles.",
-                HTTPStatus.UNPROCESSABLE_ENTITY,
-            )
+        if request.llm == LOCAL and (missing := worker.missing()):
+            raise ServiceError("llm_unavailable", missing, HTTPStatus.UNPROCESSABLE_ENTITY)
+        self.model_address(request.llm)
         scenario = scenario.varied(seed=request.seed)
+        setup = scenario.mission_setup(self._settings.engine)
+        if request.gate is not None:
+            setup = replace(setup, gate=request.gate)
+        if request.clock is Clock.LOCKSTEP:
+            return self._in_lockstep(setup, scenario.world_setup(), request.llm)
         return define_live(
-            scenario.mission_setup(self._settings.engine),
+            setup,
             scenario.world_setup(),
             request.llm,
             self._settings,
         )
 
+    def _in_lockstep(self, setup: MissionSetup, world: WorldSetup, llm: str) -> Definition:
+        job = LockstepJob(setup, world, address_of(llm, self._settings))
+        return Definition(
+            scenario=setup.name,
+            llm=llm,
+            seed=setup.seed,
+            clock=Clock.LOCKSTEP,
+            gate=setup.gate,
+            planner=dump_lockstep_job(job),
+            world=None,
+        )
 
-def define_live(
-    setup: MissionSetup,
-    world: WorldSetup,
-    llm: str,
-    settings: Settings,
-    comments: Sequence[tuple[float, str]] = (),
-) -> Definition:
-    """Return the definition of a live mission.
-
-    Its world is simulated beside it unless the settings name a bus: then the vehicles,
-    simulated or real, are whoever is there. `llm` is a profile, or (from the command line)
-    an address.
-    """
-    elsewhere = settings.zenoh_connect is not None or settings.zenoh_listen is not None
-    address = settings.llm_base_url if llm == ENDPOINT and settings.llm_base_url else llm
-    job = PlannerJob(setup, address, planner_bus(settings), tuple(comments))
-    return Definition(
-        scenario=setup.name,
-        llm=llm,
-        seed=setup.seed,
-        clock=Clock.REALTIME,
-        planner=dump_planner_job(job),
-        world=None if elsewhere else _world(setup, world),
-    )
-
-
-def _world(setup: MissionSetup, world: WorldSetup) -> dict[str, object]:
-    """Return the job of a simulated world; its endpoint is filled in when it is started."""
-    job = SimulationJob(
-        world=world,
-        team=setup.team,
-        zenoh=ZenohSettings(connect=("tcp/127.0.0.1:0",)),
-        simulation=SimulationSettings(seed=setup.seed, tick_s=setup.live_tick_s),
-        engine=setup.planner.engine,
-    )
-    values: dict[str, object] = json.loads(dump_world_job(job))
-    return values
+    def model_address(self, profile: str) -> str:
+        """Return what a profile stands for. Raises ServiceError 422."""
+        if profile not in {known.name for known in self.profiles()}:
+            raise ServiceError(
+                "llm_unknown",
+                f"There is no model profile {profile}; see GET /api/v1/llm-profiles.",
+                HTTPStatus.UNPROCESSABLE_ENTITY,
+            )
+        return address_of(profile, self._settings)
 
 
 def _info(scenario: Scenario) -> ScenarioInfo:

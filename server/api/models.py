@@ -7,17 +7,21 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints
 
 from server.encoding import MissionState
+from server.mission.setup import GateMode
 
 MAX_COMMENT_CHARACTERS = 2000
 MAX_SEED = 2**63 - 1
 
-MissionId = Annotated[str, StringConstraints(pattern=r"^m[0-9]{1,9}$")]
-CommentId = Annotated[str, StringConstraints(pattern=r"^c[0-9]{1,9}$")]
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,63}$")]
 CommentText = Annotated[
     str,
     StringConstraints(strip_whitespace=True, min_length=1, max_length=MAX_COMMENT_CHARACTERS),
 ]
+
+
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Count = Annotated[int, Field(strict=True)]
+"""Numbers of request bodies: true is none of them."""
 
 
 class Body(BaseModel):
@@ -56,6 +60,15 @@ class ScenarioInfo(Answer):
     zones: int
 
 
+class ScenarioUpload(Body):
+    """A scenario to be kept."""
+
+    scenario: dict[str, Any] = Field(
+        description="A whole scenario; it is kept under its own name.",
+        examples=[{"name": "my-scenario"}],
+    )
+
+
 class LlmProfile(Answer):
     """A configured source of task and action answers."""
 
@@ -67,6 +80,11 @@ class Clock(StrEnum):
     """Which time a mission runs on."""
 
     REALTIME = "realtime"
+    LOCKSTEP = "lockstep"
+    """Virtual time, as fast as it goes; several at once, each waiting for its turn."""
+
+    REPLAY = "replay"
+    """A recording's; see POST /recordings/{name}/replay."""
 
 
 class MissionRequest(Body):
@@ -77,8 +95,11 @@ class MissionRequest(Body):
         examples=["demo"],
     )
     llm: Name = Field("mock", description="A name from GET /llm-profiles.")
-    clock: Clock = Clock.REALTIME
-    seed: int | None = Field(
+    gate: GateMode | None = Field(
+        None, description="What a verified proposal must still pass; the scenario's if left out."
+    )
+    clock: Literal[Clock.REALTIME, Clock.LOCKSTEP] = Clock.REALTIME
+    seed: Count | None = Field(
         None,
         ge=0,
         le=MAX_SEED,
@@ -94,6 +115,7 @@ class MissionInfo(Answer):
     state: MissionState
     clock: Clock
     llm: str
+    gate: GateMode = Field(description="What a verified proposal must still pass.")
     seed: int
     created_at: datetime = Field(description="Wall clock, UTC.")
     started_at: datetime | None = Field(description="Wall clock, UTC.")
@@ -114,6 +136,10 @@ class LoopAnswer(Answer):
 
     verdict: Literal["applied", "partly_applied", "declined", "noted"]
     reason: str
+    feedback: str = Field("", description="The model's own words, said with the answer.")
+    proposal: str = Field(
+        "", description="Id of the proposal that answered; decisions name theirs."
+    )
 
 
 class CommentModel(Answer):
@@ -137,6 +163,36 @@ class EventPage(Answer):
     next_after: int = Field(description="Pass it as `after` to get what came later.")
 
 
+class DecisionPage(Answer):
+    """Decision cards in the order of their numbers."""
+
+    decisions: list[dict[str, Any]] = Field(description="As in events of kind `decision`.")
+    next_after: int = Field(description="Pass it as `after` to get what came later.")
+
+
+class Sample(Answer):
+    """The figures of one moment."""
+
+    seq: int = Field(description="Number of the sample within its mission, from 1.")
+    at: datetime = Field(description="Wall clock, UTC.")
+    time_s: float = Field(description="Mission time.")
+    state: MissionState
+    trace: float | None = Field(description="Sum over targets of the trace, m².")
+    attacks: dict[str, int] = Field(description="Hits so far, per kind of zone.")
+    weights: dict[str, float]
+    solve_ms: float | None
+    rung: str | None
+    guidance: str
+    loops: dict[str, float | None] = Field(description="Success rate of each loop.")
+
+
+class HistoryPage(Answer):
+    """Samples in the order they were taken."""
+
+    samples: list[Sample]
+    next_after: int = Field(description="Pass it as `after` to get what came later.")
+
+
 class Health(Answer):
     """Whether the server lives."""
 
@@ -146,6 +202,7 @@ class Health(Answer):
 class Readiness(Answer):
     """Whether the server can take missions, and how the live one does."""
 
-    status: Literal["ready"]
+    status: Literal["ready", "degraded"]
+    reason: str = Field(description="What is degraded, in words; else empty.")
     live_mission: str | None
     readers: int = Field(description="Open stream subscriptions of the live mission.")

@@ -1,12 +1,17 @@
 """What every request passes before anything else looks at it. Pure ASGI.
 
-Why so: the console has no login yet, so it may only be reached from this machine, and a page
-elsewhere must not be able to use a browser on this machine as its arm. Two checks do that. The
-Host header must name this machine: a foreign name that resolves to 127.0.0.1 (DNS rebinding) is
-refused, for reads too. And whoever changes something or opens a WebSocket from a browser must
-come from our own page: its Origin header must equal the address it asks. Programs that are no
-browsers send no Origin and pass. Beyond loopback nothing is served without tokens, and there
-the token is the proof; it travels in the Authorization header, which no foreign page can set.
+Why so: a page elsewhere must not be able to use an operator's browser as its arm, and nobody may
+see or steer who has not shown who they are. In this order:
+
+1. *Host*. Without tokens the Host header must name this machine: a foreign name that resolves to
+   127.0.0.1 (DNS rebinding) is refused, for reads too.
+2. *Origin*. Whoever changes something or opens a WebSocket from a browser must come from our own
+   page: its Origin header must equal the address it asks. Programs send no Origin and pass here.
+3. *Identity*. A token in the Authorization header, which no foreign page can set, or the signed
+   cookie of a session (server.api.sessions), which is never sent along from elsewhere.
+4. *Role*, by method and path (server.api.identity).
+5. *CSRF*. A change by cookie must say where it comes from, and below /api carry the session's
+   token, which only our own page can read.
 
 As middleware around the whole application this covers REST, the stream, the console's own
 socket and the scene alike.
@@ -20,18 +25,25 @@ from typing import Final
 from urllib.parse import urlsplit
 
 from starlette.datastructures import Headers, MutableHeaders
-from starlette.requests import HTTPConnection
-from starlette.responses import Response
+from starlette.responses import RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocket
 
+from server.api.access import Door
 from server.api.errors import ServiceError, error_response
+from server.api.identity import SAFE_METHODS, Identity, needed_role
+from server.errors import BadInput
 
 MAX_BODY_BYTES = 64 * 1024
 
-SAFE_METHODS: Final = frozenset({"GET", "HEAD", "OPTIONS"})
-OPEN_PATHS: Final = frozenset({"/healthz", "/readyz"})
-"""Answer without a token: they tell nothing but that the server lives."""
+LOGIN_PATH: Final = "/login"
+CLOSE_LOGGED_OUT: Final = 4401
+
+OPEN_PATHS: Final = frozenset({"/healthz", "/readyz", LOGIN_PATH})
+"""Answer to everybody: whether the server lives, and the way in."""
+
+OPEN_REQUESTS: Final = frozenset({("POST", "/api/v1/session")})
+"""Logging in, of course, needs no login."""
 
 CONTENT_SECURITY_POLICY: Final = "; ".join(
     (
@@ -53,13 +65,13 @@ SECURITY_HEADERS: Final = {
     "content-security-policy": CONTENT_SECURITY_POLICY,
     "x-content-type-options": "nosniff",
     "x-frame-options": "SAMEORIGIN",
-    "referrer-policy": "no-referrer",
+    "referrer-policy": "same-origin",  # with none at all, forms send the origin "null"
     "cross-origin-opener-policy": "same-origin",
     "cross-origin-resource-policy": "same-origin",
 }
 
 
-class ExposureRefused(Exception):
+class ExposureRefused(BadInput):
     """Raised when the server would be reachable from elsewhere without tokens."""
 
 
@@ -83,56 +95,90 @@ def check_exposure(host: str, tokens: Iterable[str]) -> None:
 
 
 class Doorkeeper:
-    """Checks Host, Origin and, where tokens are configured, who asks; adds headers."""
+    """Checks Host, Origin, identity, role and CSRF token; adds headers."""
 
-    def __init__(
-        self, app: ASGIApp, *, operator_tokens: tuple[str, ...], viewer_tokens: tuple[str, ...]
-    ) -> None:
+    def __init__(self, app: ASGIApp, *, door: Door) -> None:
         self._app = app
-        self._operators = tuple(token.encode() for token in operator_tokens if token)
-        self._viewers = tuple(token.encode() for token in viewer_tokens if token)
+        self._door = door
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass a connection on, or refuse it."""
         if scope["type"] not in {"http", "websocket"}:
             await self._app(scope, receive, send)
             return
-        refusal = self._refusal(scope)
+        scope.pop("identity", None)
+        refusal = self._misdirected(scope) or self._unknown(scope)
         if refusal is None:
-            await self._app(scope, receive, _with_headers(send))
+            await self._app(scope, self._while_known(scope, receive), _with_headers(send))
+        elif refusal.status == HTTPStatus.UNAUTHORIZED and _wants_page(scope):
+            await RedirectResponse(LOGIN_PATH, HTTPStatus.SEE_OTHER)(
+                scope, receive, _with_headers(send)
+            )
         else:
-            await _deny(refusal, scope, receive, _with_headers(send))
+            await deny(refusal, scope, receive, _with_headers(send))
 
-    def _refusal(self, scope: Scope) -> ServiceError | None:
+    def _misdirected(self, scope: Scope) -> ServiceError | None:
+        """Refuse what comes by a foreign name or from a foreign page, whoever asks."""
         headers = Headers(scope=scope)
-        changes = scope["type"] == "websocket" or scope["method"] not in SAFE_METHODS
-        guarded = bool(self._operators or self._viewers)
-        if not guarded and not is_loopback(_host_name(headers.get("host", ""))):
+        if not self._door.beyond and not is_loopback(_host_name(headers.get("host", ""))):
             return ServiceError(
                 "host_refused",
                 "This server answers only to the name of this machine.",
                 HTTPStatus.MISDIRECTED_REQUEST,
             )
-        if changes and not _same_origin(headers):
+        if _changes(scope) and not _same_origin(headers):
             return ServiceError(
                 "origin_refused", "Only this server's own page may ask this.", HTTPStatus.FORBIDDEN
             )
-        if guarded and scope["path"] not in OPEN_PATHS:
-            return self._token_refusal(scope, headers)
         return None
 
-    def _token_refusal(self, scope: Scope, headers: Headers) -> ServiceError | None:
-        scheme, _, token = headers.get("authorization", "").partition(" ")
-        given = token.strip().encode() if scheme.lower() == "bearer" else b""
-        if _any_equal(given, self._operators):
+    def _unknown(self, scope: Scope) -> ServiceError | None:
+        """Refuse who is not known, may not ask this, or did not mean to."""
+        path = scope["path"]
+        method = "GET" if scope["type"] == "websocket" else scope["method"]
+        if path in OPEN_PATHS or (method, path) in OPEN_REQUESTS:
             return None
-        if not _any_equal(given, self._viewers):
-            return ServiceError("unauthorized", "A valid token is needed.", HTTPStatus.UNAUTHORIZED)
-        if scope["type"] == "http" and scope["method"] not in SAFE_METHODS:
+        identity = self._door.identify(scope)
+        if identity is None:
             return ServiceError(
-                "forbidden", "A viewer's token may only look.", HTTPStatus.FORBIDDEN
+                "unauthorized", "Log in, or send a valid token.", HTTPStatus.UNAUTHORIZED
             )
+        if not identity.role.covers(needed_role(method, path)):
+            return ServiceError(
+                "forbidden",
+                f"This needs the role {needed_role(method, path)}; you are {identity.role}.",
+                HTTPStatus.FORBIDDEN,
+            )
+        if identity.session is not None and _changes(scope):
+            headers = Headers(scope=scope)
+            if "origin" not in headers and headers.get("sec-fetch-site") != "same-origin":
+                return ServiceError(
+                    "origin_refused", "A browser says where it comes from.", HTTPStatus.FORBIDDEN
+                )
+            given = headers.get("x-csrf-token", "").encode()
+            by_page = scope["type"] == "http" and path.startswith("/api/")
+            if by_page and not hmac.compare_digest(given, identity.csrf.encode()):
+                return ServiceError(
+                    "csrf_refused",
+                    "A change in a browser's session needs its X-CSRF-Token.",
+                    HTTPStatus.FORBIDDEN,
+                )
+        scope["identity"] = identity
         return None
+
+    def _while_known(self, scope: Scope, receive: Receive) -> Receive:
+        """Return a receive that ends a socket once its session has been ended."""
+        identity = scope.get("identity")
+        if scope["type"] != "websocket" or not isinstance(identity, Identity):
+            return receive
+
+        async def checking() -> Message:
+            message = await receive()
+            if message["type"] == "websocket.receive" and not self._door.still(identity):
+                return {"type": "websocket.disconnect", "code": CLOSE_LOGGED_OUT}
+            return message
+
+        return checking
 
 
 class BodyLimit:
@@ -156,7 +202,7 @@ class BodyLimit:
         if not (declared.isdecimal() and int(declared) > self._limit):
             body = await self._read(receive)
         if body is None:
-            await _deny(
+            await deny(
                 ServiceError(
                     "body_too_large",
                     f"A request body may have at most {self._limit} bytes.",
@@ -212,7 +258,8 @@ def _with_headers(send: Send) -> Send:
     return sending
 
 
-async def _deny(error: ServiceError, scope: Scope, receive: Receive, send: Send) -> None:
+async def deny(error: ServiceError, scope: Scope, receive: Receive, send: Send) -> None:
+    """Refuse a request or a socket in the one shape."""
     response: Response = error_response(error)
     if scope["type"] == "websocket":
         await WebSocket(scope, receive, send).send_denial_response(response)
@@ -237,11 +284,12 @@ def _same_origin(headers: Headers) -> bool:
     return parts.scheme in {"http", "https"} and parts.netloc == headers.get("host", "")
 
 
-def _any_equal(given: bytes, known: tuple[bytes, ...]) -> bool:
-    """Compare in constant time, with every known token whatever the first ones say."""
-    return sum(hmac.compare_digest(given, token) for token in known) > 0
+def _changes(scope: Scope) -> bool:
+    return scope["type"] == "websocket" or scope["method"] not in SAFE_METHODS
 
 
-def author_of(connection: HTTPConnection) -> str:
-    """Return who is held to have asked. Until there are accounts: the operator."""
-    return "operator"
+def _wants_page(scope: Scope) -> bool:
+    """Tell whether a person's browser asks for a page, and would be helped by the login."""
+    if scope["type"] != "http" or scope["path"].startswith("/api/"):
+        return False
+    return "text/html" in Headers(scope=scope).get("accept", "")

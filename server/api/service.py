@@ -1,56 +1,82 @@
 """What REST, the stream and the console do with missions. One live mission per server."""
 
 import asyncio
-from collections.abc import AsyncIterator, Callable, Iterator, Mapping
+from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager, contextmanager
-from datetime import UTC, datetime
 from http import HTTPStatus
+from itertools import islice
+from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
 import structlog
 
+from server.api import revival
 from server.api.catalogue import Catalogue, Definition
+from server.api.chronicle import Chronicle
 from server.api.errors import ServiceError
+from server.api.hindsight import Hindsight
 from server.api.models import CommentModel, LlmProfile, MissionInfo, MissionRequest, ScenarioInfo
+from server.api.processes import MakeHost, Processes, conflict, end_processes
+from server.api.queueing import LockstepQueue, slots
 from server.api.record import MissionRecord
+from server.api.recovery import AfterCrash, Interrupted, bring_up, launch
+from server.api.shelf import ScenarioShelf
+from server.api.watch import Watch, tell_of_journal
 from server.encoding import EventKind, MissionState, Severity
-from server.live.channel import ChannelError, RequestRefused
+from server.journal.journal import Journal, JournalStatus
 from server.live.fanout import Messages
-from server.live.host import START_S, Host
-from server.live.outbox import Frame, Outbox
+from server.live.outbox import Outbox
 
 log = structlog.get_logger(__name__)
 
 MAX_MISSIONS = 100
 """Kept at once; delete old ones to make room."""
 
-REQUEST_S = 3.0
-"""A mission that does not answer within this time is told of as unavailable."""
-
-PLANNER = "planner"
-WORLD = "simulated world"
-
-MakeHost = Callable[[Definition], Host]
-
-_REFUSALS = {
-    "too_many_comments": HTTPStatus.TOO_MANY_REQUESTS,
-    "busy": HTTPStatus.TOO_MANY_REQUESTS,
-}
-
 
 class MissionService:
-    """Owner of the missions. Use it as a context: on leaving, every process is ended."""
+    """Owner of the missions. Use it as a context: on leaving, every process is ended.
 
-    def __init__(self, catalogue: Catalogue, make_planner: MakeHost, make_world: MakeHost) -> None:
+    The journal is open as long as the service is, and is not the service's to close.
+    """
+
+    def __init__(
+        self,
+        catalogue: Catalogue,
+        make_planner: MakeHost,
+        make_world: MakeHost,
+        journal: Journal,
+        after_crash: AfterCrash = AfterCrash.HOLD,
+    ) -> None:
         self._catalogue = catalogue
-        self._make_planner = make_planner
-        self._make_world = make_world
+        self._journal = journal
+        self._after_crash = after_crash
+        self.chronicle = Chronicle(journal)
+        self.shelf = ScenarioShelf(catalogue, journal)
+        self._processes = Processes(make_planner, make_world)
         self._missions: dict[str, MissionRecord] = {}
+        self.hindsight = Hindsight(self._record, self.chronicle)
+        self.watch = Watch(self._record)
         self._count = 0
+        self._queue = LockstepQueue(self._processes, slots())
         self._starting = asyncio.Lock()
+        self._reviving: set[asyncio.Task[None]] = set()
 
     async def __aenter__(self) -> Self:
+        """Bring up what was broken off. Raises JournalUnavailable."""
+        self._journal.watch(self._on_journal)
+        await self.shelf.load()
+        self._count, found = await revival.revived(self._journal, self._catalogue.bus)
+        for known in found:
+            record = MissionRecord.revive(known, self.chronicle)
+            self._missions[record.id] = record
+            if known.broken_off and record.virtual:
+                record.change_state(MissionState.FAILED, "the server was interrupted")
+            elif known.broken_off:
+                record.change_state(MissionState.HELD, "the server was interrupted")
+                task = asyncio.create_task(self._bring_up(record), name=f"revive {record.id}")
+                self._reviving.add(task)
+                task.add_done_callback(self._reviving.discard)
         return self
 
     async def __aexit__(
@@ -59,7 +85,14 @@ class MissionService:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        await asyncio.gather(*(_end_processes(record) for record in self._missions.values()))
+        await self._queue.close()
+        for task in self._reviving:
+            task.cancel()
+        await asyncio.gather(*self._reviving, return_exceptions=True)
+        for record in self._missions.values():
+            if record.live:
+                await self._processes.retire(record)
+        await asyncio.gather(*(end_processes(record) for record in self._missions.values()))
         for record in self._missions.values():
             record.fanout.close("the server is shutting down")
 
@@ -67,7 +100,7 @@ class MissionService:
 
     def scenarios(self) -> tuple[ScenarioInfo, ...]:
         """Return the scenarios known by name."""
-        return self._catalogue.scenarios()
+        return self._catalogue.scenarios() + self.shelf.infos()
 
     def profiles(self) -> tuple[LlmProfile, ...]:
         """Return the configured model profiles."""
@@ -77,13 +110,18 @@ class MissionService:
         """Return all missions, oldest first."""
         return tuple(record.info() for record in self._missions.values())
 
+    def records(self) -> list[MissionRecord]:
+        """Return what is kept of every mission, for metrics."""
+        return list(self._missions.values())
+
     def mission(self, mission_id: str) -> MissionInfo:
         """Return one mission. Raises ServiceError 404."""
         return self._record(mission_id).info()
 
     def live_mission(self) -> MissionInfo | None:
-        """Return the mission that flies now, if any."""
-        return next((r.info() for r in self._missions.values() if r.live), None)
+        """Return the mission that flies vehicles now, if any: no replay, none in lockstep."""
+        flying = (r for r in self._missions.values() if r.live and r.real)
+        return next((record.info() for record in flying), None)
 
     def readers(self, mission_id: str) -> int:
         """Return how many subscriptions a mission has. Raises ServiceError 404."""
@@ -93,9 +131,20 @@ class MissionService:
         """Return the newest snapshot message, None before the first. Raises ServiceError 404."""
         return self._record(mission_id).snapshot
 
-    def events(self, mission_id: str, after_seq: int = 0, limit: int = 100) -> list[dict[str, Any]]:
-        """Return events after a sequence number, oldest first. Raises ServiceError 404."""
-        return self._record(mission_id).events(after_seq, limit)
+    @property
+    def journal(self) -> JournalStatus:
+        """How the journal does."""
+        return self._journal.status
+
+    async def events(
+        self, mission_id: str, after_seq: int = 0, limit: int = 100
+    ) -> list[dict[str, Any]]:
+        """Return events after a sequence number, oldest first. Raises ServiceError 404, 503."""
+        return await self._record(mission_id).events(after_seq, limit)
+
+    async def history(self, mission_id: str, after: int, limit: int) -> list[dict[str, Any]]:
+        """Return one sample per second, oldest first. Raises ServiceError 404, 503."""
+        return await self.chronicle.samples(self._record(mission_id).id, after, limit)
 
     def recent_events(self, mission_id: str, limit: int) -> list[dict[str, Any]]:
         """Return the newest events, oldest first. Raises ServiceError 404."""
@@ -116,11 +165,23 @@ class MissionService:
             )
         return comment
 
+    def decisions(self, mission_id: str, after: int, limit: int) -> list[dict[str, Any]]:
+        """Return decision cards after a number, oldest first. Raises ServiceError 404."""
+        return self._record(mission_id).decision_page(after, limit)
+
+    def newest_decisions(self, mission_id: str, limit: int) -> list[dict[str, Any]]:
+        """Return the newest decision cards, newest first. Raises ServiceError 404."""
+        return list(islice(reversed(self._record(mission_id).decisions.values()), limit))
+
+    def decision(self, mission_id: str, decision_id: str) -> dict[str, Any]:
+        """Return one card with the prompts and raw answers behind it. Raises ServiceError 404."""
+        return self._record(mission_id).decision(decision_id)
+
     async def result(self, mission_id: str) -> dict[str, Any]:
         """Return the figures so far, or the final ones. Raises ServiceError 404, 409, 503."""
         record = self._record(mission_id)
         if record.live:
-            record.result = await self._ask(record, "result")
+            record.result = await self._processes.ask(record, "result")
         if record.result is None:
             raise ServiceError(
                 "no_result",
@@ -145,14 +206,35 @@ class MissionService:
         with self._record(mission_id).fanout.subscribe() as outbox:
             yield outbox
 
+    def recording(self, mission_id: str) -> Path:
+        """Return the file that a mission is recorded into. Raises ServiceError 404, 409."""
+        path = self._record(mission_id).recording
+        if path is None:
+            raise ServiceError(
+                "not_recorded",
+                f"Mission {mission_id} is not recorded; FALCONER_RECORDINGS names a folder for it.",
+                HTTPStatus.CONFLICT,
+            )
+        return path
+
+    def checked_scenario(self, scenario: str | dict[str, Any]) -> str | dict[str, Any]:
+        """Return a scenario that missions can be made from. Raises ServiceError 422."""
+        request = self.shelf.resolved(MissionRequest(scenario=scenario, llm="none"))
+        self._catalogue.define(request)
+        return request.scenario
+
+    def model_address(self, profile: str) -> str:
+        """Return what a model profile stands for. Raises ServiceError 422."""
+        return self._catalogue.model_address(profile)
+
     # ------------------------------------------------------------------ to change
 
-    async def create(self, request: MissionRequest) -> MissionInfo:
-        """Check a request and keep it as a mission. Raises ServiceError 409, 422."""
-        return self.add(self._catalogue.define(request))
+    async def create(self, request: MissionRequest, author: str) -> MissionInfo:
+        """Check a request and keep it as a mission. Raises ServiceError 409, 422, 503."""
+        return await self.add(self._catalogue.define(self.shelf.resolved(request)), author)
 
-    def add(self, definition: Definition) -> MissionInfo:
-        """Keep a definition as a mission that has not started. Raises ServiceError 409."""
+    async def add(self, definition: Definition, author: str) -> MissionInfo:
+        """Keep a definition as a mission that has not started. Raises ServiceError 409, 503."""
         if len(self._missions) >= MAX_MISSIONS:
             raise ServiceError(
                 "too_many_missions",
@@ -160,12 +242,13 @@ class MissionService:
                 HTTPStatus.CONFLICT,
             )
         self._count += 1
-        record = MissionRecord(f"m{self._count}", definition)
+        record = MissionRecord(f"m{self._count}", definition, self.chronicle)
+        await self.chronicle.made(record.id, definition, author)
         self._missions[record.id] = record
         return record.info()
 
     async def start(self, mission_id: str, author: str) -> MissionInfo:
-        """Start a mission, or start a failed one again; a live one stays as it is.
+        """Start a mission, a failed one held where it was; a live one stays as it is.
 
         Raises ServiceError 404, 409 (another is live, or it has ended), 503.
         """
@@ -174,8 +257,12 @@ class MissionService:
             if record.live:
                 return record.info()
             if record.state is MissionState.ENDED:
-                raise _conflict(record, "cannot be started again; create a new mission")
-            other = self.live_mission()
+                raise conflict(record, "cannot be started again; create a new mission")
+            if record.virtual:
+                if record.state is not MissionState.QUEUED:
+                    self._queue.enter(record, author)
+                return record.info()
+            other = self.live_mission() if record.real else None
             if other is not None:
                 raise ServiceError(
                     "mission_live",
@@ -183,7 +270,9 @@ class MissionService:
                     HTTPStatus.CONFLICT,
                     {"live_mission": other.id},
                 )
-            await self._launch(record)
+            await launch(record, self._processes)
+            self.hindsight.keep_past(record, self._missions.values())
+            self.chronicle.state(record.id, record.state.value, "started", author, record.time_s)
         log.info("mission started", mission=record.id, author=author)
         return record.info()
 
@@ -208,37 +297,68 @@ class MissionService:
         async with record.change:
             if record.live:
                 try:
-                    answer = await self._ask(record, "stop", {"author": author})
+                    answer = await self._processes.ask(record, "stop", {"author": author})
                     record.result = answer["result"]
                 except ServiceError as error:
                     log.warning("mission did not stop by itself", mission=record.id, why=str(error))
             ended_now = record.state is not MissionState.ENDED
             if ended_now:
-                record.change_state(MissionState.ENDED, f"stopped by {author}")
-            await _end_processes(record)
+                record.change_state(MissionState.ENDED, f"stopped by {author}", author)
+            await end_processes(record)
             if ended_now:
                 record.report(EventKind.ENDED, Severity.INFO, f"Mission stopped by {author}.")
+                await self._settle(record, record.state.value, author)
         return record.info()
 
-    async def delete(self, mission_id: str) -> None:
+    async def seek(self, mission_id: str, time_s: float, speed: float | None) -> MissionInfo:
+        """Go to an instant of a replay. Raises ServiceError 404, 409, 503."""
+        record = self._record(mission_id)
+        params = {"time_s": time_s} if speed is None else {"time_s": time_s, "speed": speed}
+        await self._processes.ask(record, "seek", params)
+        return record.info()
+
+    async def delete(self, mission_id: str, author: str) -> None:
         """Forget a mission that does not fly. Raises ServiceError 404, 409."""
         record = self._record(mission_id)
         async with record.change:
-            if record.live:
-                raise _conflict(record, "must be stopped before it can be deleted")
-            await _end_processes(record)
+            if record.live or record.state is MissionState.QUEUED:
+                raise conflict(record, "must be stopped before it can be deleted")
+            await end_processes(record)
             record.fanout.close()
-            self._missions.pop(mission_id, None)
+            if self._missions.pop(mission_id, None) is not None:
+                await self._settle(record, revival.DELETED, author)
 
     async def comment(self, mission_id: str, text: str, author: str) -> CommentModel:
         """Give a comment to the models. Raises ServiceError 404, 409, 429, 503."""
         record = self._record(mission_id)
         if not record.live:
-            raise _conflict(record, "takes no comments")
-        answer = await self._ask(record, "comment", {"text": text, "author": author})
+            raise conflict(record, "takes no comments")
+        said = {"id": record.next_comment_id(), "text": text, "author": author}
+        await self.chronicle.comment(record.id, said["id"], text, author, record.time_s)
+        try:
+            answer = await self._processes.ask(record, "comment", said)
+        except ServiceError as error:
+            self.chronicle.comment_refused(record.id, said["id"], author, error.code)
+            raise
         comment = CommentModel.model_validate(answer)
         record.keep_comment(comment)
         return comment
+
+    async def direct(
+        self, mission_id: str, what: str, asked: dict[str, Any], author: str
+    ) -> dict[str, Any]:
+        """Change directives in person (`server.live.overrides`).
+
+        Raises ServiceError 404, 409, 422 (verification), 503.
+        """
+        record = self._record(mission_id)
+        if not record.live:
+            raise conflict(record, "cannot be directed")
+        said = {"what": what, "asked": asked, "author": author}
+        answer = await self._processes.ask(record, "override", said)
+        await self._processes.save(record)
+        await self.chronicle.override(record.id, what, asked, author, record.time_s)
+        return answer
 
     # ------------------------------------------------------------------ inside
 
@@ -253,111 +373,28 @@ class MissionService:
     async def _steer(self, mission_id: str, op: str, author: str) -> MissionInfo:
         record = self._record(mission_id)
         if not record.live:
-            raise _conflict(record, f"cannot {op}")
-        answer = await self._ask(record, op, {"author": author})
+            raise conflict(record, f"cannot {op}")
+        if record.host is None and op == "hold":
+            return record.info()  # it is being brought up, and comes up held
+        answer = await self._processes.ask(record, op, {"author": author})
         if record.live:  # it may have ended while we asked
-            record.change_state(MissionState(answer["state"]))
+            state = MissionState(answer["state"])
+            record.change_state(state)
+            self.chronicle.state(record.id, state.value, op, author, record.time_s)
         return record.info()
 
-    async def _ask(
-        self,
-        record: MissionRecord,
-        op: str,
-        params: Mapping[str, Any] | None = None,
-        timeout_s: float = REQUEST_S,
-    ) -> dict[str, Any]:
-        if record.host is None:
-            raise _conflict(record, f"cannot {op}")
-        try:
-            return await record.host.request(op, params, timeout_s=timeout_s)
-        except RequestRefused as refused:
-            status = _REFUSALS.get(refused.code, HTTPStatus.CONFLICT)
-            raise ServiceError(refused.code, refused.message, status, refused.details) from refused
-        except ChannelError as error:
-            raise ServiceError(
-                "mission_unavailable",
-                f"Mission {record.id} does not answer: {error}.",
-                HTTPStatus.SERVICE_UNAVAILABLE,
-            ) from error
+    async def _settle(self, record: MissionRecord, state: str, author: str) -> None:
+        """Let a state outlast a crash from now on, where there is a journal."""
+        await self.chronicle.final(record.id, state, record.reason, author, record.time_s)
 
-    async def _launch(self, record: MissionRecord) -> None:
-        """Start the processes of a mission: planner, world, and then its clock."""
-        definition = record.definition
-        try:
-            planner = self._make_planner(definition)
-            self._run(record, planner, PLANNER)
-            job = {"mission": record.id, "job": definition.planner, "endpoint": record.endpoint}
-            answer = await planner.request("prepare", job, timeout_s=START_S)
-            record.endpoint = answer["endpoint"]
-            if definition.world is not None and len(record.tasks) == 1:
-                world = self._make_world(definition)
-                self._run(record, world, WORLD)
-                job = {"job": definition.world, "endpoint": record.endpoint}
-                await world.request("start", job, timeout_s=START_S)
-            await planner.request("start", timeout_s=REQUEST_S)
-        except ChannelError as error:
-            await _end_processes(record)
-            record.change_state(MissionState.FAILED, str(error))
-            raise ServiceError(
-                "start_failed",
-                f"Mission {record.id} could not be started: {error}.",
-                HTTPStatus.SERVICE_UNAVAILABLE,
-            ) from error
-        record.host = planner
-        record.started_at = record.started_at or datetime.now(UTC)
-        record.change_state(MissionState.RUNNING)
+    def _on_journal(self, status: JournalStatus) -> None:
+        """Tell the live missions that the journal went away or came back."""
+        tell_of_journal(self._missions.values(), status)
 
-    def _run(self, record: MissionRecord, host: Host, role: str) -> None:
-        """Run a host in a task of its own; its unexpected end fails the mission."""
-
-        def receive(said: Frame) -> None:
-            record.receive(said)
-            if record.state is MissionState.ENDED and not record.change.locked():
-                task.cancel()
-
-        async def run() -> None:
-            code = await host.run(receive)
-            log.info("process ended", mission=record.id, process=role, exit_code=code)
-
-        def ended(task: asyncio.Task[None]) -> None:
-            record.tasks.discard(task)
-            if record.host is host:
-                record.host = None
-            if record.state is MissionState.ENDED:
-                for other in record.tasks:
-                    if not other.cancelling():
-                        other.cancel()
-            error = None if task.cancelled() else task.exception()
-            if error is not None:
-                log.error("host failed", mission=record.id, process=role, exc_info=error)
-            if task.cancelled() or not record.live:
-                return
-            if role == PLANNER:
-                record.change_state(MissionState.FAILED, "the planner process has ended")
-            record.report(
-                EventKind.ALARM,
-                Severity.ALARM,
-                f"The {role} process has ended unexpectedly. Vehicles hold by themselves.",
-            )
-
-        task = asyncio.create_task(run(), name=f"{record.id} {role}")
-        record.tasks.add(task)
-        task.add_done_callback(ended)
-
-
-def _conflict(record: MissionRecord, what: str) -> ServiceError:
-    return ServiceError(
-        "wrong_state",
-        f"Mission {record.id} is {record.state} and {what}.",
-        HTTPStatus.CONFLICT,
-        {"state": record.state.value},
-    )
-
-
-async def _end_processes(record: MissionRecord) -> None:
-    """End a mission's processes and wait until they are gone."""
-    record.host = None
-    tasks = tuple(record.tasks)
-    for task in tasks:
-        task.cancel()
-    await asyncio.gather(*tasks, return_exceptions=True)
+    async def _bring_up(self, record: MissionRecord) -> None:
+        """Fly a mission on that was broken off. It is held meanwhile, and after."""
+        async with self._starting, record.change:
+            flies = await bring_up(record, self._processes, Interrupted.SERVER)
+        simulated = record.definition.world is not None
+        if flies and simulated and self._after_crash is AfterCrash.RESUME_SIMULATED:
+            await self.resume(record.id, "auto_resume")

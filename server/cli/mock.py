@@ -21,5 +21,5 @@ def mock_llm(
     from llm.mock.app import serve
     from llm.mock.behaviours import Behaviour
 
-    typer.echo(f"mock language model on http://{host}:{port}/v1", err=True)
+    typer.echo(f"mock language model on http://{host}:{port}/v1 (Ctrl-C ends it)", err=True)
     serve(host, port, Behaviour(mode=behaviour, delay_s=delay_s))

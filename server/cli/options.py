@@ -7,8 +7,8 @@ from typing import Annotated
 import typer
 
 from server.cli.errors import UsageError
-from server.lockstep.advice import PAPER_LATENCY, Latency
-from server.lockstep.driver import ScriptedComment
+from server.lockstep.job import PAPER_LATENCY, Latency, ScriptedComment
+from server.mission.setup import GateMode
 
 MAX_COMMENT_CHARS = 2000
 
@@ -24,9 +24,9 @@ LlmOption = Annotated[
     str,
     typer.Option(
         "--llm",
-        metavar="mock|exact|none|URL",
-        help="Who advises: the built-in rule model, our assignment solver, nobody, or an "
-        "OpenAI-compatible endpoint "
+        metavar="mock|local|exact|none|URL",
+        help="Who advises: the built-in rule model, the small language model on this machine, "
+        "our assignment solver, nobody, or an OpenAI-compatible endpoint "
         "(model and key from FALCONER_LLM_MODEL and FALCONER_LLM_API_KEY).",
     ),
 ]
@@ -45,6 +45,25 @@ class EngineName(StrEnum):
     FAST = "fast"
     SQP = "sqp"
     IPOPT = "ipopt"
+
+
+GateOption = Annotated[
+    GateMode | None,
+    typer.Option(
+        "--gate", help="What a verified proposal must still pass; default: the scenario's."
+    ),
+]
+EngineOption = Annotated[
+    EngineName | None, typer.Option("--engine", help="Optimizer; default: the best.")
+]
+LatencyOption = Annotated[
+    str,
+    typer.Option(
+        "--llm-latency",
+        metavar="paper|measured|SECONDS",
+        help="Virtual seconds an answer takes in lockstep.",
+    ),
+]
 
 
 def scripted_comments(values: list[str]) -> tuple[ScriptedComment, ...]:

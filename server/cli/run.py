@@ -2,16 +2,19 @@
 
 import asyncio
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
 
-from server.cli.errors import UsageError
 from server.cli.options import (
     EngineName,
+    EngineOption,
+    GateOption,
+    LatencyOption,
     LlmOption,
     ScenarioArgument,
     SeedOption,
@@ -25,9 +28,13 @@ from server.mission.setup import GateMode, MissionSetup
 from server.models import checked_choice
 from server.settings import load_settings
 
-GateOption = Annotated[
-    GateMode | None,
-    typer.Option("--gate", help="What a verified proposal must still pass."),
+if TYPE_CHECKING:
+    from server.lockstep.assembly import Assembly
+    from server.lockstep.job import ScriptedComment
+
+RecordOption = Annotated[
+    Path | None,
+    typer.Option("--record", metavar="FILE.mcap", help="Record it; see falconer replay."),
 ]
 
 
@@ -40,19 +47,13 @@ def run(
     ] = False,
     seed: SeedOption = None,
     steps: StepsOption = None,
-    engine: Annotated[EngineName | None, typer.Option(help="Optimizer; default: the best.")] = None,
-    llm_latency: Annotated[
-        str,
-        typer.Option(
-            "--llm-latency",
-            metavar="paper|measured|SECONDS",
-            help="Virtual seconds an answer takes in lockstep.",
-        ),
-    ] = "paper",
+    engine: EngineOption = None,
+    llm_latency: LatencyOption = "paper",
     comment: Annotated[
         list[str] | None,
         typer.Option(metavar="T:TEXT", help="Say TEXT at mission second T; may be repeated."),
     ] = None,
+    record: RecordOption = None,
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Also write result.json there.")
     ] = None,
@@ -71,13 +72,12 @@ def run(
     latency = latency_option(llm_latency)
     llm = checked_choice(llm)
     if not lockstep:
-        from server.api.library import define_live
-        from server.cli.live import serve_live
+        from server.api.definitions import define_live
+        from server.cli.live import Until, serve_live
 
         said = [(said.time_s, said.text) for said in comments]
-        definition = define_live(setup, chosen.world_setup(), llm, settings, said)
-        figures = serve_live(settings, definition, until_over=True)
-        if figures is not None:
+        definition = define_live(setup, chosen.world_setup(), llm, settings, said, record)
+        if (figures := serve_live(settings, definition, Until.OVER)) is not None:
             _deliver(figures, out, as_json=as_json)
         return
     from server.lockstep.assembly import Assembly
@@ -90,7 +90,7 @@ def run(
         settings=settings,
     )
     with progress_bar(f"{setup.name} seed {setup.seed}", setup.steps) as progress:
-        result = asyncio.run(assembly.run(comments, progress))
+        result = _flown(assembly, comments, progress, record)
     _deliver(result, out, as_json=as_json)
 
 
@@ -102,9 +102,8 @@ def _adjusted(
     engine: EngineName | None,
 ) -> MissionSetup:
     """Return the setup with what the command line says otherwise."""
-    if gate not in (None, GateMode.OFF):
-        raise UsageError(f"--gate {gate.value}: this gate is not built yet; use --gate off")
-    setup = replace(setup, gate=GateMode.OFF)
+    if gate is not None:
+        setup = replace(setup, gate=gate)
     if seed is not None:
         setup = replace(setup, seed=seed)
     if steps is not None:
@@ -112,6 +111,29 @@ def _adjusted(
     if engine is not None:
         setup = replace(setup, planner=replace(setup.planner, engine=engine.value))
     return setup
+
+
+def _flown(
+    assembly: "Assembly",
+    comments: "tuple[ScriptedComment, ...]",
+    progress: Callable[[int], None],
+    record: Path | None,
+) -> dict[str, Any]:
+    """Fly in lockstep, recorded or not; return the result."""
+    if record is None:
+        return asyncio.run(assembly.run(comments, progress, say=_say))
+    from server.recording.session import recorded_run
+
+    with recorded_run(record, assembly, lambda words: _say(f"warning: {words}")) as recorded:
+        writer, chronicle = recorded
+        flight = assembly.run(comments, progress, writer, _say, chronicle.note, chronicle.decide)
+        result = asyncio.run(flight)
+        chronicle.close(result)
+    return result
+
+
+def _say(words: str) -> None:
+    typer.echo(words, err=True)
 
 
 def _deliver(result: dict[str, Any], out: Path | None, *, as_json: bool) -> None:

@@ -35,8 +35,8 @@ def serve(
     ] = None,
 ) -> None:
     """Serve REST, stream and console; vehicles are simulated beside it unless a bus is named."""
-    from server.api.library import define_live
-    from server.cli.live import serve_live
+    from server.api.definitions import define_live
+    from server.cli.live import Until, serve_live
     from server.scenarios import library
 
     settings = load_settings(
@@ -47,4 +47,4 @@ def serve(
         chosen = library.load(scenario)
         setup = chosen.mission_setup(settings.engine)
         definition = define_live(setup, chosen.world_setup(), checked_choice(llm), settings)
-    serve_live(settings, definition, until_over=False)
+    serve_live(settings, definition, Until.STOPPED)

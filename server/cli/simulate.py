@@ -1,16 +1,12 @@
 """`falconer sim`: a scenario's world and its robots as a process of their own."""
 
 import asyncio
-import contextlib
-import logging
-import signal
-import sys
-from collections.abc import Coroutine
 from dataclasses import replace
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
+from server.cli.endless import log_to_stderr, until_interrupted
 from server.cli.errors import UsageError
 from server.cli.options import EngineName, ScenarioArgument, SeedOption
 
@@ -20,6 +16,14 @@ def sim(
     connect: Annotated[
         str, typer.Option(metavar="ENDPOINT", help="Where the planner or a router listens.")
     ] = "tcp/127.0.0.1:7447",
+    external: Annotated[
+        list[int] | None,
+        typer.Option(
+            metavar="ID",
+            help="A robot that is flown elsewhere, by `falconer vehicle`: the world senses for it "
+            "and does not move it. May be given several times.",
+        ),
+    ] = None,
     seed: SeedOption = None,
     engine: Annotated[
         EngineName | None, typer.Option(help="Optimizer of robots that fly alone.")
@@ -31,35 +35,31 @@ def sim(
     from server.settings import load_settings
     from vehicles.agent import DuplicateRobotError
     from vehicles.bus import BusError
-    from vehicles.sim_worker import SimulationJob, simulate
-    from vehicles.simulation import SimulationSettings
+    from vehicles.settings import SimulationSettings
+    from vehicles.sim_job import SimulationJob
+    from vehicles.sim_worker import simulate
 
     chosen = library.load(scenario)
     setup = chosen.mission_setup()
     settings = load_settings(zenoh_connect=connect)
-    job = SimulationJob(
-        world=chosen.world_setup(),
-        team=setup.team,
-        # Started before the planner it waits: robots without a planner hold anyway.
-        zenoh=replace(vehicle_bus(settings), open_timeout_s=None),
-        simulation=SimulationSettings(
-            seed=setup.seed if seed is None else seed, tick_s=setup.live_tick_s
-        ),
-        engine=settings.engine if engine is None else engine.value,
-    )
-    logging.basicConfig(level=logging.INFO, stream=sys.stderr, format="%(levelname)s %(message)s")
+    try:
+        job = SimulationJob(
+            world=chosen.world_setup(),
+            team=setup.team,
+            # Started before the planner it waits: robots without a planner hold anyway.
+            zenoh=replace(vehicle_bus(settings), open_timeout_s=None),
+            simulation=SimulationSettings(
+                seed=setup.seed if seed is None else seed,
+                tick_s=setup.live_tick_s,
+                external=tuple(external or ()),
+            ),
+            engine=settings.engine if engine is None else engine.value,
+        )
+    except ValueError as error:
+        raise UsageError(str(error)) from error
+    log_to_stderr()
     typer.echo(f"world of {setup.name}, team {setup.team}, on {connect} (Ctrl-C ends it)", err=True)
     try:
-        asyncio.run(_until_interrupted(simulate(job)))
+        asyncio.run(until_interrupted(simulate(job)))
     except (BusError, DuplicateRobotError) as error:
         raise UsageError(str(error)) from error
-
-
-async def _until_interrupted(work: Coroutine[Any, Any, None]) -> None:
-    """Run until the work ends, or SIGINT or SIGTERM asks for an orderly end."""
-    task = asyncio.ensure_future(work)
-    loop = asyncio.get_running_loop()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        loop.add_signal_handler(number, task.cancel)
-    with contextlib.suppress(asyncio.CancelledError):
-        await task

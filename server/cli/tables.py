@@ -29,8 +29,10 @@ def result_table(result: dict[str, Any]) -> Table:
     for key, label in (("task_llm", "task model"), ("action_llm", "action model")):
         loop = result[key]
         if loop["calls"]:
-            said = f"{loop['calls']} calls, {loop['adopted']} adopted"
-            table.add_row(label, f"{said}, {_percent(loop['success_rate'])} valid", "")
+            first = _percent(loop["valid_first"] / loop["calls"])
+            table.add_row(f"{label} calls / adopted", f"{loop['calls']} / {loop['adopted']}", "")
+            table.add_row("… valid at first / after retries", _valid(first, loop), "")
+            table.add_row("… tokens in / out of a call", _tokens(loop), "")
     return table
 
 
@@ -70,6 +72,14 @@ def _number(value: float | int | None) -> str:
 
 def _pair(values: dict[str, float | None], first: str, second: str) -> str:
     return f"{_number(values[first])} / {_number(values[second])}"
+
+
+def _valid(first: str, loop: dict[str, Any]) -> str:
+    return f"{first} / {_percent(loop['success_rate'])}"
+
+
+def _tokens(loop: dict[str, Any]) -> str:
+    return f"{loop['mean_tokens_in']:.0f} / {loop['mean_tokens_out']:.0f}"
 
 
 def _percent(value: float | None) -> str:

@@ -5,6 +5,7 @@ the event loop between ticks, and its proposals enter the core at a tick's begin
 """
 
 import asyncio
+from abc import ABC, abstractmethod
 from collections.abc import Awaitable, Callable
 from typing import Final, Protocol
 
@@ -12,19 +13,21 @@ import structlog
 
 from llm.chat import LanguageModel, ModelError
 from llm.consultation import Accepted, Consultation, GivenUp, Outcome, Retry
-from server.advice import tally_outcome
+from server.advice import Ask, tally_outcome
 from server.exact import ExactSolver
+from server.gate.decisions import Decision
 from server.loops import LoopClock, LoopMeter
 from server.result import LoopTally
-from solver.directives import Proposal, Verdict
+from solver.directives import Proposal
 from solver.snapshot import Snapshot
 
 log = structlog.get_logger(__name__)
 
 IDLE_S: Final = 3600.0
 
-Propose = Callable[[Proposal], Awaitable[Verdict]]
-Tell = Callable[[Consultation, Outcome, Verdict | None], None]
+Propose = Callable[[Proposal], Awaitable[Decision]]
+Decide = Callable[[Consultation, Accepted | GivenUp], Awaitable[Decision]]
+Tell = Callable[[Consultation, Outcome, Decision], None]
 
 
 class Pace:
@@ -68,7 +71,31 @@ class AdviceLoop(Protocol):
         ...
 
 
-class SolverLoop:
+class _PacedLoop(ABC):
+    """What every loop that advises does between its turns. Satisfies `AdviceLoop`."""
+
+    def __init__(self, pace: Pace) -> None:
+        self.meter = LoopMeter(window=20)
+        self.tally = LoopTally()
+        self._pace = pace
+
+    def wake(self) -> None:
+        """Ask for advice soon."""
+        self._pace.wake()
+
+    async def run(self, flying: asyncio.Event) -> None:
+        """Advise for ever; only while `flying` is set is anything new begun."""
+        while True:
+            await self._pace.rest()
+            await flying.wait()
+            await self._advise()
+
+    @abstractmethod
+    async def _advise(self) -> None:
+        """Give advice once, and count it."""
+
+
+class SolverLoop(_PacedLoop):
     """Our own assignment solver at the task model's period, in a thread of its own."""
 
     def __init__(
@@ -78,45 +105,38 @@ class SolverLoop:
         snapshot: Callable[[], Snapshot],
         propose: Propose,
     ) -> None:
-        self.meter = LoopMeter(window=20)
-        self.tally = LoopTally()
-        self._pace = pace
+        super().__init__(pace)
         self._solver = solver
         self._snapshot = snapshot
         self._propose = propose
         self._count = 0
 
-    def wake(self) -> None:
-        """Ask for an assignment soon."""
-        self._pace.wake()
-
-    async def run(self, flying: asyncio.Event) -> None:
-        """Assign for ever; only while `flying` is set is a solve begun."""
-        while True:
-            await self._pace.rest()
-            await flying.wait()
-            await self._assign()
-
-    async def _assign(self) -> None:
+    async def _advise(self) -> None:
         began_s = self._pace.now()
         self._pace.clock.started(began_s)
         self._count += 1
+        solved = False
         try:
             proposal = await asyncio.to_thread(
                 self._solver.propose, self._snapshot(), f"x{self._count}"
             )
-            verdict = await self._propose(proposal)
+            solved = True
+            self._count_solve(began_s, success=True)
+            card = await self._propose(proposal)
+            self.meter.decided(adopted=card.accepted)
         except Exception:  # a fault of the solver must not end the flight
             log.exception("the assignment solver failed")
-            self.meter.record(self._pace.now(), self._pace.now() - began_s, success=False)
-        else:
-            duration_s = self._pace.now() - began_s
-            self.meter.record(self._pace.now(), duration_s, success=verdict.accepted)
+            if not solved:
+                self._count_solve(began_s, success=False)
         finally:
             self._pace.clock.finished(self._pace.now())
 
+    def _count_solve(self, began_s: float, *, success: bool) -> None:
+        now_s = self._pace.now()
+        self.meter.record(now_s, now_s - began_s, success=success)
 
-class ModelLoop:
+
+class ModelLoop(_PacedLoop):
     """Paces and counts the calls of one model. Times are on the monotonic clock given."""
 
     def __init__(
@@ -124,53 +144,47 @@ class ModelLoop:
         pace: Pace,
         model: LanguageModel,
         timeout_s: float,
-        consult: Callable[[], Consultation],
+        consult: Callable[[], Ask],
         snapshot: Callable[[], Snapshot],
-        propose: Propose,
+        decide: Decide,
         tell: Tell,
     ) -> None:
-        self.meter = LoopMeter(window=20)
-        self.tally = LoopTally()
-        self._pace = pace
+        super().__init__(pace)
         self._model = model
         self._timeout_s = timeout_s
         self._consult = consult
         self._snapshot = snapshot
-        self._propose = propose
+        self._decide = decide
         self._tell = tell
 
-    def wake(self) -> None:
-        """Ask for a call soon."""
-        self._pace.wake()
-
-    async def run(self, flying: asyncio.Event) -> None:
-        """Call for ever; only while `flying` is set are new calls begun."""
-        while True:
-            await self._pace.rest()
-            await flying.wait()
-            await self._call()
-
-    async def _call(self) -> None:
+    async def _advise(self) -> None:
         """Run one consultation to its end and count it."""
         began_s = self._pace.now()
         self._pace.clock.started(began_s)
+        latency_s: float | None = None
         try:
-            consultation = self._consult()
+            # Words for a large team take longer than the event loop may be held up.
+            consultation = await asyncio.to_thread(self._consult())
             outcome = await self._outcome(consultation)
-            verdict = None
-            if isinstance(outcome, Accepted):
-                verdict = await self._propose(outcome.proposal)
+            # The answer is counted when it is there; gate and people may take long to decide.
+            latency_s = self._count_answer(began_s, success=isinstance(outcome, Accepted))
+            card = await self._decide(consultation, outcome)
+            self.meter.decided(adopted=card.accepted)
+            tally_outcome(self.tally, consultation, adopted=card.accepted)
+            self.tally.latency_s.add(latency_s)
+            self._tell(consultation, outcome, card)
         except Exception:  # a fault in handling an answer must not end the flight
             log.exception("the model loop failed on an answer")
-            self.meter.record(self._pace.now(), self._pace.now() - began_s, success=False)
-        else:
-            adopted = verdict is not None and verdict.accepted
-            self.meter.record(self._pace.now(), self._pace.now() - began_s, success=adopted)
-            tally_outcome(self.tally, consultation, adopted=adopted)
-            self.tally.latencies_s.append(self._pace.now() - began_s)
-            self._tell(consultation, outcome, verdict)
+            if latency_s is None:
+                self._count_answer(began_s, success=False)
         finally:
             self._pace.clock.finished(self._pace.now())
+
+    def _count_answer(self, began_s: float, *, success: bool) -> float:
+        """Count the end of a call; return how long it took, seconds."""
+        now_s = self._pace.now()
+        self.meter.record(now_s, now_s - began_s, success=success)
+        return now_s - began_s
 
     async def _outcome(self, consultation: Consultation) -> Accepted | GivenUp:
         """Ask until an answer is accepted or there are no tries left."""
@@ -180,6 +194,6 @@ class ModelLoop:
             except ModelError as error:
                 outcome = consultation.fail(error)
             else:
-                outcome = consultation.receive(reply, self._snapshot())
+                outcome = await asyncio.to_thread(consultation.receive, reply, self._snapshot())
             if not isinstance(outcome, Retry):
                 return outcome

@@ -11,8 +11,9 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Protocol
 
-from server.live.channel import MAX_LINE_BYTES, Caller, ChannelClosed, Json, RequestTimeout
+from server.live.channel import Caller, ChannelClosed, Json, RequestTimeout
 from server.live.outbox import Frame
+from server.live.standby import Start, start_process
 
 WORKER = (sys.executable, "-m", "server.live.worker")
 START_S = 180.0
@@ -51,7 +52,9 @@ class ProcessHost:
         *,
         environment: Mapping[str, str] | None = None,
         grace_s: float = GRACE_S,
+        start: Start = start_process,
     ) -> None:
+        self._start = start
         self._command = tuple(command)
         self._environment = environment
         self._grace_s = grace_s
@@ -63,14 +66,7 @@ class ProcessHost:
 
     async def run(self, receive: Receive) -> int:
         """Run the process until it ends or this call is cancelled; return the exit code."""
-        process = await asyncio.create_subprocess_exec(
-            *self._command,
-            stdin=asyncio.subprocess.PIPE,
-            stdout=asyncio.subprocess.PIPE,
-            env=None if self._environment is None else dict(self._environment),
-            limit=MAX_LINE_BYTES,
-            start_new_session=True,
-        )
+        process = await self._start(self._command, self._environment)
         if process.stdin is None or process.stdout is None:
             raise RuntimeError("the process was started without pipes")
         self.pid = process.pid

@@ -1,12 +1,15 @@
 """What a planner process is told before it starts: one JSON object over its channel."""
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Final
 
 from pydantic import TypeAdapter, ValidationError
 
 from server.bus import LOOPBACK
+from server.live.figures import KeptFigures
 from server.mission.setup import MissionSetup
+from vehicles.world.setup import WorldSetup
 from vehicles.zenoh_settings import ZenohSettings
 
 
@@ -16,11 +19,23 @@ class PlannerJob:
 
     setup: MissionSetup
     llm: str
-    """mock, none, or the address of an OpenAI-compatible API."""
+    """mock, local, exact, none, or the address of an OpenAI-compatible API."""
 
     bus: ZenohSettings = LOOPBACK
     comments: tuple[tuple[float, str], ...] = ()
     """(mission time, text) said by themselves."""
+
+    comments_said: int = 0
+    """How many of those were said before the mission was broken off; they are no longer listed."""
+
+    figures: KeptFigures | None = None
+    """What was counted before it was broken off."""
+
+    record: Path | None = None
+    """File to record the mission into; the next free name where it exists."""
+
+    world: WorldSetup | None = None
+    """The simulated world, for the recording; None where the vehicles are real."""
 
 
 class JobError(ValueError):

@@ -8,7 +8,7 @@ between ticks and enters the core only at the beginning of one.
 import asyncio
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 from llm.chat import LanguageModel
@@ -16,19 +16,27 @@ from llm.prompts import Loop
 from server.advice import Advisors
 from server.encoding import EventKind, MissionState, Severity, comment_object
 from server.exact import ExactSolver
+from server.gate.decisions import Decision
+from server.live.advisers import advice_loops
 from server.live.channel import Json, RequestRefused
-from server.live.consulting import AdviceLoop, ModelLoop, Pace, SolverLoop
-from server.live.figures import LiveFigures
+from server.live.consulting import AdviceLoop
+from server.live.council import LiveCouncil
+from server.live.figures import KeptFigures, LiveFigures
+from server.live.forecasting import Forecaster
 from server.live.herald import Herald
+from server.live.overrides import Overrides
+from server.live.recording import FlightRecorder
+from server.live.relief import stand_in
+from server.live.saving import Saver
 from server.live.schedule import Schedule
 from server.live.solving import Solver
-from server.loops import LoopClock, LoopMeter
+from server.loops import LoopMeter
 from server.mission.comments import MAX_STANDING
-from server.mission.downlink import knowledge_for
-from server.mission.tape import TapedCore
+from server.mission.downlink import Briefing, Turns
+from server.mission.tape import NoTape, TapedCore
+from server.models import Manner
 from server.result import LoopTally
-from solver.directives import Proposal, Verdict
-from solver.observations import Comment, HoldChange, HoldState, Link
+from solver.observations import Comment, HoldChange, HoldState, Link, Observation
 from solver.problem import Budget, Rung
 from solver.snapshot import CommentReceipt, Snapshot
 from vehicles.messages import PlannerState, Truth, WorldAction
@@ -40,9 +48,6 @@ DEADLINE_SHARE: Final = 0.4
 
 PATIENCE_SHARE: Final = 0.8
 """Of the tick, for the solve: then the last plan goes on without it."""
-
-KNOWLEDGE_TICKS: Final = 10
-"""Each robot is told what it should know at least every so many ticks, and on changes."""
 
 PAUSED_BEAT_S: Final = 0.2
 
@@ -63,9 +68,18 @@ class Terms:
     """How one live mission is run."""
 
     mission: str
-    model_timeout_s: float = 8.0
+    manner: Manner = field(default_factory=Manner)
     comments: tuple[tuple[float, str], ...] = ()
     """(mission time, text) of comments that are said by themselves, ordered by time."""
+
+    comments_said: int = 0
+    """How many of those were said before a mission was broken off."""
+
+    decisions_made: int = 0
+    """Numbers of decisions that were given away by then."""
+
+    figures: KeptFigures | None = None
+    """What was counted by then."""
 
 
 class LiveMission:
@@ -76,34 +90,53 @@ class LiveMission:
         terms: Terms,
         core: TapedCore,
         solver: Solver,
+        forecaster: Forecaster,
         link: TeamLink,
         adviser: LanguageModel | ExactSolver | None,
         tell: Callable[[Json], None],
         now: Callable[[], float],
+        recorder: FlightRecorder | None = None,
     ) -> None:
+        self._recorder = recorder or FlightRecorder(None, NoTape())
+        self._recorder.failed = self._recording_failed
+
+        def tell_all(message: Json) -> None:
+            self._recorder.tell(message)
+            tell(message)
+
         self.state = MissionState.CREATED
         self._terms = terms
         self._core = core
         self._solver = solver
         self._link = link
-        self._herald = Herald(terms.mission, core.core.setup, tell)
+        self._herald = Herald(terms.mission, core.core.setup, tell_all, now)
+        self._changed = asyncio.Event()
+        self._council = LiveCouncil(
+            core,
+            forecaster,
+            self._herald,
+            self._changed.set,
+            self._note_decision,
+            terms.decisions_made,
+        )
+        self._saver = Saver(terms.mission, core.core, tell, self._kept_figures)
         self._now = now
         self._setup = core.core.setup
-        self._advisors = Advisors(core.core)
-        self._figures = LiveFigures(self._setup)
+        self._advisors = Advisors(core.core, terms.manner.style)
+        self._figures = LiveFigures.after(self._setup, terms.figures)
         self._meter = LoopMeter()
         self._loops = self._make_loops(adviser)
-        self._inbox: deque[Comment | HoldChange] = deque()
-        self._proposals: deque[tuple[Proposal, asyncio.Future[Verdict]]] = deque()
+        self._stand_in = stand_in(adviser, self._setup, self._snapshot, self._council.propose, now)
+        self._inbox: deque[Observation] = deque()
+        self._overrides = Overrides(core.core, self._council, self._herald, self._inbox.append)
         self._script = deque(terms.comments)
         self._flying = asyncio.Event()
         """Set while models are asked: from the first tick on, except while paused."""
 
         self._over = asyncio.Event()
-        self._changed = asyncio.Event()
         self._ending: str | None = None
-        self._comment_count = 0
-        self._told: object = None
+        self._comment_count = terms.comments_said
+        self._turns = Turns(self._setup.robot_ids)
         self._began_s = now()
 
     # ------------------------------------------------------------------ what is asked of it
@@ -112,12 +145,15 @@ class LiveMission:
         """Fly until the mission's time is over or it is stopped."""
         await self._muster()
         self._began_s = self._now()
-        self.state = MissionState.RUNNING
+        broken_off = self._setup.start is not None
+        self.state = MissionState.HELD if broken_off else MissionState.RUNNING
         async with asyncio.TaskGroup() as tasks:
             loops = [
                 tasks.create_task(driver.run(self._flying), name=loop.value)
                 for loop, driver in self._loops.items()
             ]
+            if self._stand_in is not None:
+                loops.append(tasks.create_task(self._stand_in.run(self._flying), name="relief"))
             try:
                 await self._fly()
             finally:
@@ -125,16 +161,20 @@ class LiveMission:
                     task.cancel()
         self._end()
 
-    def comment(self, text: str, author: str) -> Json:
+    def comment(self, text: str, author: str, comment_id: str) -> Json:
         """Take a comment for the next tick. Raises RequestRefused when too many stand."""
         waiting = sum(isinstance(item, Comment) for item in self._inbox)
         if len(self._core.snapshot.receipts) + waiting >= MAX_STANDING:
             raise RequestRefused(
                 "too_many_comments", f"{MAX_STANDING} comments stand already; wait for answers."
             )
-        comment = self._comment(text, author)
+        comment = self._comment(text, author, comment_id)
         self._inbox.append(comment)
         return comment_object(CommentReceipt(comment))
+
+    async def override(self, what: str, asked: Json, author: str) -> Json:
+        """Do what a person steers in person. Raises RequestRefused."""
+        return await self._overrides.do(what, asked, author)
 
     def hold(self, author: str) -> Json:
         """Let every robot hold from the next tick on."""
@@ -163,6 +203,19 @@ class LiveMission:
             )
         return {"state": self.state.value}
 
+    @property
+    def refused(self) -> int:
+        """Messages of the bus that were refused or found no room."""
+        return self._link.refused + self._link.dropped
+
+    def tallies(self) -> dict[str, LoopTally]:
+        """Return the models' accounts by loop."""
+        return {loop.value: driver.tally for loop, driver in self._loops.items()}
+
+    def checkpoint(self) -> Json:
+        """Return what the mission would need to go on in another process."""
+        return self._saver.checkpoint(self._link.truth())
+
     async def stop(self, author: str) -> Json:
         """End the mission and return its result."""
         if self._ending is None:
@@ -173,12 +226,12 @@ class LiveMission:
 
     def result(self) -> Json:
         """Return the figures so far."""
-        task, action = (
-            self._loops[loop].tally if loop in self._loops else LoopTally()
-            for loop in (Loop.TASK, Loop.ACTION)
-        )
         wall_s = self._now() - self._began_s
-        return self._figures.result(self._core.snapshot, task, action, wall_s)
+        figures = self._figures.result(self._core.snapshot, self.tallies(), wall_s)
+        return self._council.result(figures)
+
+    def _kept_figures(self) -> Json:
+        return self._figures.kept(self.tallies(), self._now() - self._began_s)
 
     # ------------------------------------------------------------------ the tick
 
@@ -195,8 +248,9 @@ class LiveMission:
 
     async def _fly(self) -> None:
         """Tick on a grid; a pause begins a new grid where mission time stood still."""
-        base_s = 0.0
         period_s = self._setup.live_tick_s
+        start = self._setup.start
+        base_s = 0.0 if start is None else start.time_s + period_s
         while self._ending is None:
             start_s = self._now()
             schedule = Schedule(period_s, start_s)
@@ -240,19 +294,18 @@ class LiveMission:
     def _take_waiting(self, time_s: float) -> None:
         """Give the core what people and models said since the last tick."""
         while self._script and self._script[0][0] <= time_s + 1e-9:
-            self._inbox.append(self._comment(self._script.popleft()[1], "operator"))
+            self._comment_count += 1
+            said = self._script.popleft()[1]
+            self._inbox.append(self._comment(said, "operator", f"c{self._comment_count}"))
         while self._inbox:
             self._core.observe(self._inbox.popleft())
-        while self._proposals:
-            proposal, answer = self._proposals.popleft()
-            verdict = self._core.propose(proposal)
-            if not answer.done():
-                answer.set_result(verdict)
+        self._council.settle_waiting()
 
     async def _wait_paused(self) -> None:
         """Keep the planner's sign of life up while mission time stands still."""
         while self.state is MissionState.PAUSED and self._ending is None:
             self._beat(self._core.snapshot)
+            self._council.settle_waiting()
             self._changed.clear()
             try:
                 async with asyncio.timeout(PAUSED_BEAT_S):
@@ -265,49 +318,30 @@ class LiveMission:
         self._link.send_heartbeat(self._terms.mission, snapshot.tick, snapshot.time_s, state)
 
     def _share_knowledge(self, snapshot: Snapshot) -> None:
-        """Tell robots what they need to fly on alone: all on a change, else in turn."""
-        relevant = (snapshot.directives, len(snapshot.zones), snapshot.robots.links)
-        changed, self._told = relevant != self._told, relevant
-        ids = self._setup.robot_ids
-        chosen = ids if changed else ids[snapshot.tick % KNOWLEDGE_TICKS :: KNOWLEDGE_TICKS]
-        for robot_id in chosen:
-            self._link.send_knowledge(knowledge_for(robot_id, self._core.core))
+        """Tell robots what they need to fly on alone."""
+        if chosen := self._turns.take(snapshot):
+            self._link.send_knowledge(*map(Briefing(self._core.core).of, chosen))
 
     # ------------------------------------------------------------------ the loops
 
     def _make_loops(self, adviser: LanguageModel | ExactSolver | None) -> dict[Loop, AdviceLoop]:
-        periods = self._setup.loops
-        task = Pace(LoopClock(periods.task_period_s, self._now()), self._now)
-        if adviser is None:
-            return {}
-        if isinstance(adviser, ExactSolver):
-            return {Loop.TASK: SolverLoop(task, adviser, self._snapshot, self._propose)}
-        action = Pace(LoopClock(periods.action_period_s, self._now()), self._now)
-        kinds = {
-            Loop.TASK: (task, self._advisors.task),
-            Loop.ACTION: (action, self._advisors.action),
-        }
-        return {
-            loop: ModelLoop(
-                pace,
-                adviser,
-                self._terms.model_timeout_s,
-                consult,
-                self._snapshot,
-                self._propose,
-                self._herald.outcome,
-            )
-            for loop, (pace, consult) in kinds.items()
-        }
+        return advice_loops(
+            adviser,
+            self._setup.loops,
+            self._terms.manner.timeout_s,
+            self._advisors,
+            self._council,
+            self._herald,
+            self._snapshot,
+            self._now,
+        )
+
+    def _note_decision(self, card: Decision) -> None:
+        if self._stand_in is not None:
+            self._stand_in.note(card)
 
     def _snapshot(self) -> Snapshot:
         return self._core.snapshot
-
-    async def _propose(self, proposal: Proposal) -> Verdict:
-        """Let a proposal wait for the next tick; return the core's verdict."""
-        answer: asyncio.Future[Verdict] = asyncio.get_running_loop().create_future()
-        self._proposals.append((proposal, answer))
-        return await answer
 
     # ------------------------------------------------------------------ telling
 
@@ -315,14 +349,22 @@ class LiveMission:
         """Send the snapshot and its news to the web side, and let the loops look at it."""
         truth = self._link.truth()
         self._figures.add(snapshot, truth)
+        self._recorder.truth(truth)
         self._herald.announce(snapshot)
+        self._council.look(snapshot)
+        if self._stand_in is not None:
+            self._stand_in.look(snapshot.time_s)
         for notice in self._link.take_notices():
             self._herald.notice(notice)
         woken = self._advisors.look(snapshot)
         for loop, wanted in ((Loop.TASK, woken.task), (Loop.ACTION, woken.action)):
             if wanted and loop in self._loops:
                 self._loops[loop].wake()
+        self._saver.look(snapshot, truth)
         self._show(truth)
+
+    def _recording_failed(self, words: str) -> None:
+        self._herald.say(EventKind.ALARM, Severity.ALARM, words, {"component": "recording"})
 
     def _show(self, truth: Truth | None) -> None:
         now_s = self._now()
@@ -341,11 +383,11 @@ class LiveMission:
         self.state = MissionState.ENDED
         self._show(self._link.truth())
         words = self._ending or "The mission has ended."
+        self._council.close()
         self._herald.say(EventKind.ENDED, Severity.INFO, words, {"result": self.result()})
         self._over.set()
 
-    def _comment(self, text: str, author: str) -> Comment:
-        self._comment_count += 1
+    def _comment(self, text: str, author: str, comment_id: str) -> Comment:
         ttl_s = self._setup.loops.comment_ttl_s
         time_s = max(0.0, self._core.snapshot.time_s)
-        return Comment(f"c{self._comment_count}", text, time_s, ttl_s, author)
+        return Comment(comment_id, text, time_s, ttl_s, author)

@@ -70,6 +70,8 @@ def _attacks(before: Snapshot | None, after: Snapshot) -> Iterator[Item]:
         data = {"robot": attack.robot_id, "kind": attack.kind.value}
         if attack.zone is not None:
             data["zone"] = attack.zone.id
+            if new:
+                data["new"] = True
             known.add(attack.zone.id)
         yield Item(EventKind.ATTACK, Severity.WARNING, text, data)
 
@@ -119,10 +121,10 @@ def _targets(before: Snapshot, after: Snapshot) -> Iterator[Item]:
 def _assignment(before: Directives, after: Directives) -> Iterator[Item]:
     if before.assignment == after.assignment:
         return
-    changes = []
+    changes, old, new = [], before.rows(), after.rows()
     for robot_id, _ in after.capacities:
-        targets = after.targets_of(robot_id)
-        if targets != before.targets_of(robot_id):
+        targets = new.get(robot_id, ())
+        if targets != old.get(robot_id, ()):
             words = ", ".join(str(target) for target in targets) or "no target"
             changes.append(f"robot {robot_id} tracks {words}")
     text = f"Assignment by {SOURCES[after.assignment_source]}: {'; '.join(changes)}."

@@ -1,8 +1,8 @@
 """What waits to be sent to one reader: bounded, and the newest snapshot wins.
 
-A snapshot is a state: whoever is late needs only the last. An event is a fact: it is kept in
-order, up to a bound. The same rule serves the mission process's pipe and every client of the
-stream, so that a slow reader costs memory for a moment and time never.
+A snapshot is a state, and so is a checkpoint: whoever is late needs only the last. An event
+is a fact: it is kept in order, up to a bound. The same rule serves the mission process's pipe and
+every client of the stream, so that a slow reader costs memory for a moment and time never.
 """
 
 import asyncio
@@ -11,6 +11,11 @@ from dataclasses import dataclass, field
 from typing import Any
 
 SNAPSHOT = "snapshot"
+CHECKPOINT = "checkpoint"
+
+VITALS = "vitals"
+
+_STATES = frozenset({SNAPSHOT, CHECKPOINT, VITALS})
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -21,9 +26,19 @@ class Frame:
     text: str
 
     @property
+    def kind(self) -> str:
+        """The message's type."""
+        return str(self.data.get("type", ""))
+
+    @property
     def is_snapshot(self) -> bool:
+        """Whether it is a snapshot."""
+        return self.kind == SNAPSHOT
+
+    @property
+    def is_state(self) -> bool:
         """Whether a newer frame of this kind makes it worthless."""
-        return self.data.get("type") == SNAPSHOT
+        return self.kind in _STATES
 
 
 class OutboxClosed(Exception):
@@ -40,19 +55,19 @@ class Outbox:
 
     max_events: int = 1024
     _events: deque[Frame] = field(default_factory=deque)
-    _snapshot: Frame | None = None
+    _states: dict[str, Frame] = field(default_factory=dict)
     _closed: str | None = None
     _wake: asyncio.Event = field(default_factory=asyncio.Event)
     replaced: int = 0
-    """Snapshots that a newer one replaced before they were read."""
+    """States that a newer one replaced before they were read."""
 
     def put(self, frame: Frame) -> bool:
         """Queue a frame; return False when it found no room (an event beyond the bound)."""
         if self._closed is not None:
             return False
-        if frame.is_snapshot:
-            self.replaced += self._snapshot is not None
-            self._snapshot = frame
+        if frame.is_state:
+            self.replaced += frame.kind in self._states
+            self._states[frame.kind] = frame
         elif len(self._events) >= self.max_events:
             return False
         else:
@@ -67,16 +82,15 @@ class Outbox:
         self._wake.set()
 
     async def get(self) -> Frame:
-        """Return the next frame: events first, in order, then the newest snapshot.
+        """Return the next frame: events first, in order, then the newest states.
 
         Raises OutboxClosed when it is closed and empty.
         """
         while True:
             if self._events:
                 return self._events.popleft()
-            if self._snapshot is not None:
-                frame, self._snapshot = self._snapshot, None
-                return frame
+            if self._states:
+                return self._states.pop(next(iter(self._states)))
             if self._closed is not None:
                 raise OutboxClosed(self._closed)
             self._wake.clear()

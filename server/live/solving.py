@@ -7,13 +7,17 @@ the engine comes back. Its late answer is thrown away.
 
 import asyncio
 import threading
+import time
 from collections.abc import Callable
+from dataclasses import replace
 from queue import SimpleQueue
 from typing import Protocol
 
+import numpy as np
 import structlog
 
-from server.mission.tape import Committed
+from server.mission.tape import Committed, LatePlan
+from solver.arrays import frozen
 from solver.planner import Planner
 from solver.problem import Budget, EngineFailed, Problem, Rung, Solution
 
@@ -49,12 +53,42 @@ class Resolver:
         self._fallback = Planner(AbsentEngine())
 
     def __call__(self, problem: Problem, recorded: Committed) -> Solution:
-        """Stop where the live solve was stopped; fall back where it never answered."""
+        """Solve again; take the plan that wall time cut short; fall back where there was none."""
+        if recorded.plan is not None:
+            return _cut_short(problem, recorded, recorded.plan)
         if recorded.rung in (Rung.SHIFTED, Rung.BRAKE) and recorded.iterations == 0:
             return self._fallback.solve(problem, Budget(iterations=0))
-        converged = recorded.rung is Rung.CONVERGED
-        limit = self._iterations if converged else recorded.iterations
-        return self._planner.solve(problem, Budget(iterations=limit))
+        return self._planner.solve(problem, Budget(iterations=self._iterations))
+
+
+def timed(planner: Planner, problem: Problem, budget: Budget) -> Solution:
+    """Solve, and mark the solution as late where the budget's time may have ended it.
+
+    Whoever is done before the deadline has never seen it pass. The engine's time starts to run
+    later than ours, so that no solution is taken for punctual that is not.
+    """
+    began_s = time.monotonic()
+    solution = planner.solve(problem, budget)
+    if budget.deadline_s is None or time.monotonic() - began_s < budget.deadline_s:
+        return solution
+    return replace(solution, late=True)
+
+
+def _cut_short(problem: Problem, recorded: Committed, plan: LatePlan) -> Solution:
+    """Return the solution of a solve that was late, as it was recorded."""
+    shape = (len(problem.robot_ids), max(problem.horizon, 1), 2)
+    return Solution(
+        robot_ids=problem.robot_ids,
+        controls=frozen(np.array(plan.controls, dtype=float).reshape(shape)),
+        positions=frozen(np.array(plan.positions, dtype=float).reshape(shape)),
+        velocities=frozen(np.array(plan.velocities, dtype=float).reshape(shape)),
+        objective=plan.objective,
+        rung=recorded.rung,
+        iterations=recorded.iterations,
+        solve_s=0.0,
+        engine="recorded",
+        late=True,
+    )
 
 
 class SolveThread:
@@ -91,7 +125,7 @@ class SolveThread:
                 answer.set_result(solution)
 
         def work() -> None:
-            solution = self._planner.solve(problem, budget)
+            solution = timed(self._planner, problem, budget)
             if not loop.is_closed():
                 loop.call_soon_threadsafe(deliver, solution)
 
@@ -102,7 +136,8 @@ class SolveThread:
                 return await answer
         except TimeoutError:
             self.stuck += 1
-            log.error("the solve does not come back", patience_s=patience_s, times=self.stuck)
+            words = "a plan was not ready in time; the last one is flown on"
+            log.warning(words, patience_s=round(patience_s, 3), times=self.stuck)
             return self._fallback.solve(problem, budget)
 
     def _work(self) -> None:

@@ -3,19 +3,28 @@
 import asyncio
 import json
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from server.live.channel import ChannelClosed, Json, RequestTimeout
 from server.live.host import GRACE_S, Receive, end_process
+from server.live.standby import Start, start_process
 
-COMMAND: Final = (sys.executable, "-m", "vehicles.sim_worker", "--until-eof")
+COMMAND: Final[tuple[str, ...]] = (sys.executable, "-m", "vehicles.sim_worker", "--until-eof")
 
 
 class WorldHost:
     """Runs a simulated world. Its one request is `start`; then it lives until it is ended."""
 
-    def __init__(self, grace_s: float = GRACE_S) -> None:
+    def __init__(
+        self,
+        command: Sequence[str] = COMMAND,
+        *,
+        grace_s: float = GRACE_S,
+        start: Start = start_process,
+    ) -> None:
+        self._command = tuple(command)
+        self._start = start
         self._grace_s = grace_s
         loop = asyncio.get_running_loop()
         self._job: asyncio.Future[bytes] = loop.create_future()
@@ -25,18 +34,13 @@ class WorldHost:
 
     async def run(self, receive: Receive) -> int:
         """Run the world until it ends or this call is cancelled; return the exit code."""
-        job = await self._job
-        process = await asyncio.create_subprocess_exec(
-            *COMMAND,
-            stdin=asyncio.subprocess.PIPE,
-            stdout=asyncio.subprocess.PIPE,
-            start_new_session=True,
-        )
+        process = await self._start(self._command)
         if process.stdin is None or process.stdout is None:
             raise RuntimeError("the process was started without pipes")
         self.pid = process.pid
         try:
-            process.stdin.write(job + b"\n")
+            # It imports while the planner prepares, and only then is told where the planner is.
+            process.stdin.write(await self._job + b"\n")
             await process.stdin.drain()
             if await process.stdout.readline():
                 self._ready.set_result(None)
@@ -44,6 +48,7 @@ class WorldHost:
         finally:
             if not self._ready.done():
                 self._ready.set_exception(ChannelClosed("the simulated world has ended"))
+                self._ready.exception()  # nobody may be waiting for it
             await end_process(process, self._grace_s)
             self.pid = None
         return code

@@ -9,29 +9,18 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from llm.chat import ChatReply, ErrorKind, LanguageModel, ModelError
-from llm.consultation import Accepted, Consultation, Retry
-from server.advice import Advisors, tally_outcome
+from llm.consultation import Consultation, Retry
+from server.advice import Advisors, Ask, Relief, tally_outcome
+from server.exact import ExactSolver
+from server.gate.decisions import Status
+from server.lockstep.council import Council
+from server.lockstep.job import Latency
 from server.loops import LoopClock
-from server.mission.tape import TapedCore
+from server.models import Manner
 from server.result import LoopTally
-
-TIMEOUT_S = 8.0
-"""Longest virtual answer time of one try; real calls get the same in real seconds."""
 
 REAL_TIMEOUT_S = 60.0
 """Longest a real call may take in lockstep; mission time stands still meanwhile."""
-
-
-@dataclass(frozen=True, slots=True)
-class Latency:
-    """How long an answer takes in lockstep, virtual seconds; None as measured."""
-
-    task_s: float | None
-    action_s: float | None
-
-
-PAPER_LATENCY = Latency(task_s=1.36, action_s=0.89)
-"""The paper's Table II."""
 
 
 @dataclass(slots=True)
@@ -44,24 +33,35 @@ class _Pending:
     answer: ChatReply | ModelError
 
 
+@dataclass(frozen=True, slots=True)
+class _Answered:
+    """An answer that has arrived and may still have to be decided."""
+
+    decision_id: str
+    pending: _Pending
+
+
 class VirtualLoop:
     """One model's loop in virtual time: at most one answer on its way."""
 
     def __init__(
         self,
         clock: LoopClock,
-        core: TapedCore,
+        council: Council,
         model: LanguageModel,
-        consult: Callable[[], Consultation],
+        consult: Callable[[], Ask],
         latency_s: float | None,
+        timeout_s: float,
     ) -> None:
         self.clock = clock
         self.tally = LoopTally()
-        self._core = core
+        self._council = council
         self._model = model
         self._consult = consult
         self._latency_s = latency_s
+        self._timeout_s = timeout_s
         self._pending: _Pending | None = None
+        self._answered: _Answered | None = None
 
     async def deliver(self, now_s: float) -> None:
         """Hand over the answer that has arrived by now, if any; send a further try if need be."""
@@ -72,24 +72,36 @@ class VirtualLoop:
             if isinstance(pending.answer, ModelError):
                 outcome = consultation.fail(pending.answer)
             else:
-                outcome = consultation.receive(pending.answer, self._core.snapshot)
+                outcome = consultation.receive(pending.answer, self._council.core.snapshot)
             if isinstance(outcome, Retry):
                 pending = await self._send(consultation, pending.asked_s, pending.arrival_s)
                 self._pending = pending
                 continue
-            adopted = (
-                isinstance(outcome, Accepted) and self._core.propose(outcome.proposal).accepted
-            )
-            tally_outcome(self.tally, consultation, adopted=adopted)
-            self.tally.latencies_s.append(pending.arrival_s - pending.asked_s)
-            self.clock.finished(pending.arrival_s)
+            card = self._council.decide(consultation, outcome)
+            self._answered = _Answered(card.id, pending)
             pending = None
+        self._finish(now_s)
+
+    def _finish(self, now_s: float) -> None:
+        """Count the answer that was decided; one that waits for a person keeps the loop busy."""
+        answered = self._answered
+        if answered is None:
+            return
+        card = self._council.keeper.card(answered.decision_id)
+        if card.status is Status.PENDING:
+            return
+        self._answered = None
+        sent = answered.pending
+        tally_outcome(self.tally, sent.consultation, adopted=card.accepted)
+        self.tally.latency_s.add(sent.arrival_s - sent.asked_s)
+        waited = card.approval is not None
+        self.clock.finished(now_s if waited else sent.arrival_s)
 
     async def ask(self, now_s: float) -> None:
         """Start a call when the loop is due."""
         if self.clock.due(now_s):
             self.clock.started(now_s)
-            self._pending = await self._send(self._consult(), now_s, now_s)
+            self._pending = await self._send(self._consult()(), now_s, now_s)
 
     async def _send(self, consultation: Consultation, asked_s: float, sent_s: float) -> _Pending:
         answer: ChatReply | ModelError
@@ -98,33 +110,48 @@ class VirtualLoop:
             latency_s = answer.latency_s if self._latency_s is None else self._latency_s
         except ModelError as error:
             answer = error
-            latency_s = TIMEOUT_S if error.kind is ErrorKind.TIMEOUT else self._latency_s or 0.0
-        if latency_s > TIMEOUT_S:
-            answer = ModelError(ErrorKind.TIMEOUT, f"no answer within {TIMEOUT_S:g} s")
-            latency_s = TIMEOUT_S
+            slow = error.kind is ErrorKind.TIMEOUT
+            latency_s = self._timeout_s if slow else self._latency_s or 0.0
+        if latency_s > self._timeout_s:
+            answer = ModelError(ErrorKind.TIMEOUT, f"no answer within {self._timeout_s:g} s")
+            latency_s = self._timeout_s
         return _Pending(consultation, asked_s, sent_s + latency_s, answer)
 
 
 class VirtualAdvice:
     """Both loops of a lockstep mission."""
 
-    def __init__(self, core: TapedCore, model: LanguageModel, latency: Latency) -> None:
+    def __init__(
+        self,
+        council: Council,
+        model: LanguageModel,
+        latency: Latency,
+        manner: Manner = Manner(),  # noqa: B008 - immutable
+    ) -> None:
+        core = council.core
         periods = core.core.setup.loops
         self._core = core
-        self._advisors = Advisors(core.core)
+        self._council = council
+        self._relief = Relief(periods.task_period_s)
+        council.listeners.append(lambda card, _: self._relief.note(card))
+        self._solver = ExactSolver(core.core.setup)
+        self._reliefs = 0
+        self._advisors = Advisors(core.core, manner.style)
         self._task = VirtualLoop(
             LoopClock(periods.task_period_s),
-            core,
+            council,
             model,
             self._advisors.task,
             latency.task_s,
+            manner.timeout_s,
         )
         self._action = VirtualLoop(
             LoopClock(periods.action_period_s),
-            core,
+            council,
             model,
             self._advisors.action,
             latency.action_s,
+            manner.timeout_s,
         )
 
     @property
@@ -145,6 +172,10 @@ class VirtualAdvice:
     async def ask(self, now_s: float) -> None:
         """Look at the newest snapshot: wake the loops by its events, ask where one is due."""
         events = self._advisors.look(self._core.snapshot)
+        if self._relief.due(now_s):
+            self._reliefs += 1
+            name = f"x{self._reliefs}"
+            self._council.propose(self._solver.propose(self._core.snapshot, name))
         if events.task:
             self._task.clock.wake(now_s)
         if events.action:

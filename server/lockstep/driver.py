@@ -2,14 +2,15 @@
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
 
+from server.gate.encoding import with_decisions
+from server.lockstep.council import Council
+from server.lockstep.job import ScriptedComment
 from server.lockstep.robots import SimulatedTeam
 from server.mission.setup import MissionSetup
-from server.mission.tape import TapedCore
 from server.result import LoopTally, RunTally, WorldFigures, result_json
 from solver.observations import Comment
 from solver.planner import Planner
@@ -25,12 +26,8 @@ LOCKSTEP_BUDGET = Budget(iterations=200)
 _SEEN = frozenset({TrackStatus.TRACKED, TrackStatus.COASTING})
 
 
-@dataclass(frozen=True, slots=True)
-class ScriptedComment:
-    """A sentence to be said at a mission time, in seconds."""
-
-    time_s: float
-    text: str
+Witness = Callable[[Snapshot, World], None]
+"""Told of every finished step, after its move."""
 
 
 class Advice(Protocol):
@@ -62,17 +59,22 @@ class Lockstep:
         self,
         setup: MissionSetup,
         world: World,
-        core: TapedCore,
+        council: Council,
         planner: Planner,
         advice: Advice | None,
         comments: tuple[ScriptedComment, ...] = (),
+        witness: Witness | None = None,
     ) -> None:
         self._setup = setup
         self._world = world
-        self._core = core
+        self._core = council.core
+        self._keeper = council.keeper
+        self._council = council
         self._planner = planner
         self._advice = advice
-        self._script = list(enumerate(sorted(comments, key=lambda c: c.time_s), start=1))
+        self._witness = witness
+        self._script = sorted(comments, key=lambda c: c.time_s)
+        self._said = 0
         self._team = SimulatedTeam(setup, world, planner)
         self._tally = RunTally()
 
@@ -81,22 +83,33 @@ class Lockstep:
         """The newest snapshot."""
         return self._core.snapshot
 
-    async def run(self, progress: Callable[[int], None]) -> dict[str, Any]:
+    def take_over(self, said: int) -> None:
+        """Go on with a mission that has flown already: its core and its world are at one time.
+
+        `said` comments were spoken before; ids of further ones count on from there.
+        """
+        self._said = said
+        self._team.take_over(self._core.core, self._core.snapshot.time_s)
+
+    async def run(self, progress: Callable[[int], None], begin_s: float = 0.0) -> dict[str, Any]:
         """Run all steps and return the result; `progress` is told every finished step.
 
-        Wall time counts from here: imports and kernel loading are over.
+        The first step is at mission time `begin_s`. Wall time counts from here: imports and
+        kernel loading are over.
         """
         started_s = time.perf_counter()
         self._team.brief(self._core.core)
         for step in range(self._setup.steps):
-            await self.step(step * self._setup.tick_s)
+            await self.step(begin_s + step * self._setup.tick_s)
             progress(step + 1)
+        self._council.tell()
         wall_s = time.perf_counter() - started_s
         task = self._advice.task if self._advice else LoopTally()
         action = self._advice.action if self._advice else LoopTally()
-        return result_json(
+        result = result_json(
             self._setup, self.snapshot, self._tally, self._figures(), task, action, wall_s
         )
+        return with_decisions(result, self._keeper, self._council.forecasts_s)
 
     async def step(self, now_s: float) -> None:
         """Run one step of the authors' order: attack, report, plan, fly, then ask."""
@@ -111,19 +124,24 @@ class Lockstep:
         truth = self._world.truth()
         solution = self._planner.solve(core.begin(now_s), LOCKSTEP_BUDGET)
         setpoints = core.commit(solution)
+        self._keeper.look(self.snapshot)
         alone = team.fly_alone(now_s, LOCKSTEP_BUDGET)
         self._count(truth)
         team.brief(core.core)
         team.move(setpoints, alone)
+        if self._witness is not None:
+            self._witness(core.snapshot, self._world)
+        self._council.tell()
         if self._advice is not None:
             await self._advice.ask(now_s)
 
     def _say(self, now_s: float) -> None:
         """Hand over the scripted comments that are due."""
-        while self._script and self._script[0][1].time_s <= now_s + 1e-9:
-            number, comment = self._script.pop(0)
+        while self._script and self._script[0].time_s <= now_s + 1e-9:
+            comment = self._script.pop(0)
+            self._said += 1
             ttl_s = self._setup.loops.comment_ttl_s
-            self._core.observe(Comment(f"c{number}", comment.text, now_s, ttl_s))
+            self._core.observe(Comment(f"c{self._said}", comment.text, now_s, ttl_s))
 
     def _count(self, truth: Truth) -> None:
         """Count the tick: estimates beside the truth of the moment they are of."""

@@ -2,18 +2,20 @@
 
 from server.advice import Advisors
 from server.exact import ExactSolver
+from server.lockstep.council import Council
 from server.loops import LoopClock
-from server.mission.tape import TapedCore
 from server.result import LoopTally
 
 
 class ExactAdvice:
     """Asks the assignment solver where the task model would be asked. No model, no calls."""
 
-    def __init__(self, core: TapedCore) -> None:
+    def __init__(self, council: Council) -> None:
+        core = council.core
         self.task = LoopTally()
         self.action = LoopTally()
         self._core = core
+        self._council = council
         self._solver = ExactSolver(core.core.setup)
         self._advisors = Advisors(core.core)
         self._clock = LoopClock(core.core.setup.loops.task_period_s)
@@ -30,5 +32,5 @@ class ExactAdvice:
             return
         self._clock.started(now_s)
         self._count += 1
-        self._core.propose(self._solver.propose(self._core.snapshot, f"x{self._count}"))
+        self._council.propose(self._solver.propose(self._core.snapshot, f"x{self._count}"))
         self._clock.finished(now_s)

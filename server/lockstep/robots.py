@@ -8,7 +8,7 @@ returns; then it brings its tracks, its zones and word of the attacks it suffere
 from collections.abc import Iterable
 
 from server.mission.core import MissionCore
-from server.mission.downlink import knowledge_for
+from server.mission.downlink import Briefing
 from server.mission.setup import MissionSetup
 from solver.directives import Directives
 from solver.observations import Attack, Detections, Link, LinkChange, Observation
@@ -37,9 +37,19 @@ class SimulatedTeam:
 
     def brief(self, core: MissionCore) -> None:
         """Tell every connected robot what the planner knows."""
+        briefing = Briefing(core)
         for robot_id, pilot in self._pilots.items():
             if robot_id not in self._jammed:
-                pilot.learn(knowledge_for(robot_id, core))
+                pilot.learn(briefing.of(robot_id))
+
+    def take_over(self, core: MissionCore, now_s: float) -> None:
+        """Go on with robots that the world has jammed already; they know what the team knows."""
+        briefing = Briefing(core)
+        for robot_id, pilot in self._pilots.items():
+            pilot.learn(briefing.of(robot_id))
+            if self._world.failures(robot_id).communication:
+                self._jammed[robot_id] = []
+                pilot.lost_link(now_s)
 
     def suffer(self, now_s: float) -> tuple[Observation, ...]:
         """Let the world attack; return what the team hears of it, in order.
@@ -61,9 +71,10 @@ class SimulatedTeam:
     def report(self, directives: Directives) -> tuple[Observation, ...]:
         """Let every robot look at its targets; return what the connected ones say."""
         heard: list[Observation] = []
+        rows = directives.rows()
         for robot_id, pilot in self._pilots.items():
             connected = robot_id not in self._jammed
-            targets = directives.targets_of(robot_id) if connected else pilot.targets
+            targets = rows.get(robot_id, ()) if connected else pilot.targets
             seen = self._world.sense(robot_id, targets)
             self._seen[robot_id] = seen
             if connected:

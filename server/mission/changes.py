@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from llm.verification import assignment_of
+from llm.verification import assignment_of, keeps, pins_with
 from solver.directives import (
     CommentVerdict,
     Directives,
@@ -26,11 +26,16 @@ def applied(
     """Return the directives with an accepted proposal in force.
 
     What a comment newly brought about becomes a soft pin for as long as the comment stands,
-    so that the next answers keep it.
+    so that the next answers keep it. A person's own assignment ends the soft pins it breaks.
     """
+    if proposal.pins_set or proposal.pins_lifted:
+        directives = replace(directives, pins=pins_with(directives.pins, proposal))
     if proposal.assignment is not None:
         before, after = directives.assignment, assignment_of(proposal)
-        pins = (*directives.pins, *soft_pins(proposal, after - before, receipts))
+        standing = directives.pins
+        if proposal.source is Source.OPERATOR:
+            standing = tuple(p for p in standing if p.comment_id is None or keeps(after, p))
+        pins = (*standing, *soft_pins(proposal, after - before, receipts))
         directives = replace(
             directives,
             assignment=after,
@@ -77,7 +82,7 @@ def soft_pins(
 ) -> tuple[Pin, ...]:
     """Return pins for the pairs an applied comment added, on the newest such comment."""
     answered = {a.comment_id for a in proposal.comment_answers if a.verdict in _PINNING}
-    causes = [r.comment for r in receipts if r.comment.id in answered and r.task is None]
+    causes = [r.comment for r in receipts if r.comment.id in answered and r.task not in _PINNING]
     if not causes:
         return ()
     cause = causes[-1]
@@ -92,7 +97,22 @@ def soft_pins(
     )
 
 
+def declined(proposal: Proposal, reason: str) -> Proposal:
+    """Return a proposal whose comments are declined, since it does not come into force."""
+    answers = tuple(
+        replace(a, verdict=CommentVerdict.DECLINED, reason=reason) if a.verdict in _PINNING else a
+        for a in proposal.comment_answers
+    )
+    return replace(proposal, comment_answers=answers)
+
+
 def without_expired(directives: Directives, now_s: float) -> Directives:
     """Return the directives without the pins whose time is over."""
     kept = tuple(p for p in directives.pins if p.expires_s is None or now_s < p.expires_s)
     return directives if len(kept) == len(directives.pins) else replace(directives, pins=kept)
+
+
+def without_zone(directives: Directives, zone_id: str) -> Directives:
+    """Return the directives without the severity of a zone that is gone."""
+    kept = tuple((zone, value) for zone, value in directives.severities if zone != zone_id)
+    return replace(directives, severities=kept)

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from solver.directives import Proposal, Source
+from solver.directives import CommentVerdict, Proposal, Source
 from solver.observations import Comment
 from solver.snapshot import CommentReceipt
 
@@ -18,6 +18,13 @@ class CommentLedger:
     def __init__(self) -> None:
         self._standing: dict[str, CommentReceipt] = {}
         self._closed: dict[str, CommentReceipt] = {}
+
+    def restore(
+        self, standing: tuple[CommentReceipt, ...], closed: tuple[CommentReceipt, ...]
+    ) -> None:
+        """Take the receipts of a checkpoint."""
+        self._standing = {receipt.comment.id: receipt for receipt in standing}
+        self._closed = {receipt.comment.id: receipt for receipt in closed}
 
     def receive(self, comment: Comment) -> None:
         """Let a comment stand. The same id again changes nothing."""
@@ -41,16 +48,33 @@ class CommentLedger:
     def answer(self, proposal: Proposal) -> None:
         """Note what a model's accepted proposal says about the comments.
 
-        A refused proposal answers nothing: the comment stays in the prompt.
+        A refused proposal answers nothing: the comment stays in the prompt. The answer that
+        applied a comment stays, and with it the decision it names: later ones find nothing left
+        to change, or are refused for other reasons.
         """
         for said in proposal.comment_answers:
             receipt = self._standing.get(said.comment_id)
             if receipt is None:
                 continue
-            if proposal.source is Source.ACTION_LLM:
-                receipt = replace(receipt, action=said.verdict, action_reason=said.reason)
+            action = proposal.source is Source.ACTION_LLM
+            if _stays(receipt.action if action else receipt.task, said.verdict):
+                continue
+            if action:
+                receipt = replace(
+                    receipt,
+                    action=said.verdict,
+                    action_reason=said.reason,
+                    action_feedback=proposal.feedback,
+                    action_proposal=proposal.id,
+                )
             else:
-                receipt = replace(receipt, task=said.verdict, task_reason=said.reason)
+                receipt = replace(
+                    receipt,
+                    task=said.verdict,
+                    task_reason=said.reason,
+                    task_feedback=proposal.feedback,
+                    task_proposal=proposal.id,
+                )
             self._standing[said.comment_id] = receipt
 
     def standing(self) -> tuple[CommentReceipt, ...]:
@@ -66,3 +90,10 @@ class CommentLedger:
         self._closed[comment_id] = replace(receipt, expired=True)
         while len(self._closed) > CLOSED_KEPT:
             del self._closed[next(iter(self._closed))]
+
+
+def _stays(before: CommentVerdict | None, said: CommentVerdict) -> bool:
+    """Tell whether a loop's earlier verdict outlasts what it says now."""
+    if before is CommentVerdict.PARTLY:
+        return said is not CommentVerdict.APPLIED
+    return before is CommentVerdict.APPLIED

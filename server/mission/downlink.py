@@ -1,20 +1,44 @@
 """What the planner tells each robot, so that it can fly on when it is cut off."""
 
+from itertools import islice
+
 import numpy as np
 
 from server.mission.core import MissionCore
-from server.mission.setup import MissionSetup
+from server.mission.setup import MissionSetup, RobotSetup
 from solver.observations import Link, OnboardTrack
+from solver.snapshot import Snapshot
 from vehicles.knowledge import FlightRules, Knowledge, Mate
 
+KNOWLEDGE_TICKS = 10
+"""Each robot is told what it should know every so many ticks, and on changes."""
 
-def flight_rules(setup: MissionSetup, robot_id: int) -> FlightRules:
-    """Return what holds for one robot through the whole mission.
+MOST_IN_A_TICK = 64
+"""Robots told in one tick; the others of a larger team wait for the next ones."""
 
-    Raises KeyError for an unknown robot.
-    """
-    robots = {robot.id: robot for robot in setup.robots}
-    robot = robots[robot_id]
+
+class Turns:
+    """Who is to be told what it should know: all on a change, else each in turn."""
+
+    def __init__(self, robot_ids: tuple[int, ...]) -> None:
+        self._ids = robot_ids
+        self._due: dict[int, None] = {}
+        self._relevant: object = None
+
+    def take(self, snapshot: Snapshot) -> tuple[int, ...]:
+        """Return whose turn it is at a tick. Who has waited longest comes first."""
+        relevant = (snapshot.directives, len(snapshot.zones), snapshot.robots.links)
+        changed, self._relevant = relevant != self._relevant, relevant
+        first = snapshot.tick % KNOWLEDGE_TICKS
+        self._due |= dict.fromkeys(self._ids if changed else self._ids[first::KNOWLEDGE_TICKS])
+        chosen = tuple(islice(self._due, MOST_IN_A_TICK))
+        for robot_id in chosen:
+            del self._due[robot_id]
+        return chosen
+
+
+def flight_rules(setup: MissionSetup, robot: RobotSetup) -> FlightRules:
+    """Return what holds for one robot through the whole mission."""
     return FlightRules(
         step_s=setup.planner.plan_step_s,
         horizon=setup.planner.horizon,
@@ -31,41 +55,52 @@ def flight_rules(setup: MissionSetup, robot_id: int) -> FlightRules:
     )
 
 
-def knowledge_for(robot_id: int, core: MissionCore) -> Knowledge:
-    """Return what a robot should know as of the core's newest snapshot.
+class Briefing:
+    """What robots should know as of a core's newest snapshot.
 
-    Raises KeyError for an unknown robot.
+    What all of them are told is made once, so that a round over the team costs no more than
+    its messages.
     """
-    snapshot, beliefs = core.snapshot, core.beliefs
-    targets = snapshot.directives.targets_of(robot_id)
-    rows = {target_id: row for row, target_id in enumerate(beliefs.ids)}
-    row = snapshot.robots.ids.index(robot_id)
-    tracks = tuple(
-        OnboardTrack(
-            target_id=target_id,
-            mean=tuple(beliefs.means[rows[target_id]].tolist()),
-            covariance=tuple(tuple(r) for r in beliefs.covariances[rows[target_id]].tolist()),
+
+    def __init__(self, core: MissionCore) -> None:
+        snapshot, beliefs = core.snapshot, core.beliefs
+        self._snapshot, self._beliefs = snapshot, beliefs
+        self._setup, self._prices = core.setup, core.prices
+        self._rows = {robot_id: row for row, robot_id in enumerate(snapshot.robots.ids)}
+        self._tracks = {target_id: row for row, target_id in enumerate(beliefs.ids)}
+        self._targets = snapshot.directives.rows()
+        table = snapshot.robots
+        self._mates = tuple(
+            Mate(mate_id, (float(position[0]), float(position[1])))
+            for mate_id, position, link in zip(table.ids, table.positions, table.links, strict=True)
+            if link is not Link.LOST
         )
-        for target_id in targets
-        if target_id in rows and beliefs.known[rows[target_id]]
-    )
-    mates = tuple(
-        Mate(mate_id, (float(position[0]), float(position[1])))
-        for mate_id, position, link in zip(
-            snapshot.robots.ids, snapshot.robots.positions, snapshot.robots.links, strict=True
+        self._places = {mate.robot_id: place for place, mate in enumerate(self._mates)}
+
+    def of(self, robot_id: int) -> Knowledge:
+        """Return what one robot should know. Raises KeyError for an unknown robot."""
+        snapshot, beliefs = self._snapshot, self._beliefs
+        row, place = self._rows[robot_id], self._places.get(robot_id, len(self._mates))
+        targets = self._targets.get(robot_id, ())
+        known = [(i, self._tracks[i]) for i in targets if i in self._tracks]
+        return Knowledge(
+            robot_id=robot_id,
+            mission=snapshot.mission,
+            time_s=snapshot.time_s,
+            rules=flight_rules(self._setup, self._setup.robots[row]),
+            weights=snapshot.directives.weights,
+            targets=targets,
+            tracks=tuple(
+                OnboardTrack(
+                    target_id=target_id,
+                    mean=tuple(beliefs.means[track].tolist()),
+                    covariance=tuple(tuple(r) for r in beliefs.covariances[track].tolist()),
+                )
+                for target_id, track in known
+                if beliefs.known[track]
+            ),
+            zones=tuple(snapshot.zones[z] for z in np.flatnonzero(snapshot.known[row])),
+            severities=snapshot.directives.severities,
+            mates=self._mates[:place] + self._mates[place + 1 :],
+            prices=self._prices,
         )
-        if mate_id != robot_id and link is not Link.LOST
-    )
-    return Knowledge(
-        robot_id=robot_id,
-        mission=snapshot.mission,
-        time_s=snapshot.time_s,
-        rules=flight_rules(core.setup, robot_id),
-        weights=snapshot.directives.weights,
-        targets=targets,
-        tracks=tracks,
-        zones=tuple(snapshot.zones[z] for z in np.flatnonzero(snapshot.known[row])),
-        severities=snapshot.directives.severities,
-        mates=mates,
-        prices=core.prices,
-    )

@@ -16,22 +16,23 @@ class GuidanceLadder:
 
     def __init__(self, task_period_s: float) -> None:
         self._fresh_s = FRESH_PERIODS * task_period_s
-        self._answered_s: float | None = None
+        self.answered_s: float | None = None
+        """Mission time of the last valid answer, None before the first."""
 
     def note(self, proposal: Proposal, verdict: Verdict, now_s: float) -> None:
         """Remember when a model last gave a valid answer."""
         if verdict.accepted and proposal.source in _MODELS:
-            self._answered_s = now_s
+            self.answered_s = now_s
 
     def level(
         self, directives: Directives, hold: HoldState, now_s: float
     ) -> tuple[Guidance, float]:
         """Return the rung in force and the age of its guidance in seconds."""
-        age_s = now_s - (self._answered_s or 0.0)
+        age_s = now_s - (self.answered_s or 0.0)
         if hold is HoldState.HELD:
             return Guidance.HOLD, age_s
         if directives.assignment_source in _SOLVERS:
             return Guidance.SOLVER, now_s - directives.assignment_since_s
-        if self._answered_s is not None and age_s <= self._fresh_s:
+        if self.answered_s is not None and age_s <= self._fresh_s:
             return Guidance.MODEL, age_s
         return Guidance.LAST_VALID, age_s

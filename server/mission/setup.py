@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import NamedTuple
 
+from server.mission.checkpoint import Checkpoint
+from solver.beliefs import FilterSettings
 from solver.directives import Directives, Pairing, Weights
-from solver.estimation import FilterSettings
 from solver.observations import TargetPrior
 from solver.problem import Dynamics, SensorModel
 from solver.zones import Point, ZoneKind
@@ -100,16 +101,45 @@ class LoopSetup:
 
 @dataclass(frozen=True, slots=True)
 class MeritSetup:
-    """The fixed yardstick of the gate: trace + prices * expected hits + price * effort."""
+    """The fixed yardstick of the gate (`server.gate.merit`), and when worse is clearly worse."""
 
-    sensing_price: float = 1.0
-    """One expected sensing hit, in trace units (m^2)."""
+    sensing_price: float | None = None
+    """One expected sensing hit, m^2 s; None for what such a failure costs this mission."""
 
-    communication_price: float = 1.0
-    """One expected communication hit, in trace units (m^2)."""
+    communication_price: float | None = None
+    """The same for a communication hit."""
 
     effort_price: float = 1e-3
-    """One m^2/s^2 of squared control, in trace units (m^2)."""
+    """One m^2/s of effort (squared speed times time), m^2 s."""
+
+    margin: float = 0.05
+    """Share of the merit in force by which a proposal may be worse and still be adopted."""
+
+    approval_s: float = 30.0
+    """How long a person may think about a proposal; then it is refused."""
+
+
+@dataclass(frozen=True, slots=True)
+class HazardSetup:
+    """How zones are inferred that nothing reveals (`solver.hazards`)."""
+
+    recover_density: float
+    """A robot recovers where every density is below this, 1/m^2."""
+
+    expected_zones: float = 2.0
+    """Of each kind in the field, before anything is known."""
+
+    faults_per_hour: float = 2.0
+    """Failures of one robot that no zone causes."""
+
+    deviation_m: float = 0.7
+    """Median standard deviation of a zone."""
+
+    memory_s: float = 600.0
+    """Time after which evidence counts for 1/e."""
+
+    confidence: float = 0.5
+    """What a zone needs to be known to the team."""
 
 
 class ZoneDefaults(NamedTuple):
@@ -172,6 +202,12 @@ class MissionSetup:
 
     setpoint_ttl_s: float = 0.5
     """Life time of a set-point on the receiver's clock."""
+
+    hazards: HazardSetup | None = None
+    """How zones are inferred; None where they are only revealed and drawn."""
+
+    start: Checkpoint | None = None
+    """Where a mission goes on that was broken off: it begins held. None for a new one."""
 
     @property
     def duration_s(self) -> float:

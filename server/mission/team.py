@@ -1,5 +1,7 @@
 """The robots as they last reported, and how they are reached."""
 
+import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,19 +12,29 @@ from solver.observations import Link, RobotState
 from solver.setpoints import Setpoint
 from solver.snapshot import RobotTable
 
+GHOST_S = 5.0
+"""A robot out of reach is kept clear of for this long where it was last seen."""
 
-@dataclass(frozen=True, slots=True)
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Lanes:
     """Which rows of the team the planner flies now."""
 
     rows: tuple[int, ...]
     ids: tuple[int, ...]
+    control_lower: FloatArray
+    """(len(rows), 2), as in `MissionSetup.robots`."""
+
+    control_upper: FloatArray
+    speed_limit: FloatArray
+    """(len(rows),) m/s."""
 
 
 class TeamBook:
     """Owner of the robots' last known states, links and commands."""
 
     def __init__(self, setup: MissionSetup) -> None:
+        self._setup = setup
         robots = setup.robots
         self.ids = tuple(robot.id for robot in robots)
         self._rows = {robot_id: row for row, robot_id in enumerate(self.ids)}
@@ -35,6 +47,7 @@ class TeamBook:
         self._heard_s: list[float | None] = [None] * count
         self._setpoints = np.zeros((count, 2))
         self._waypoints = self._positions.copy()
+        self._lanes: Lanes | None = None
 
     def row(self, robot_id: int) -> int | None:
         """Return a robot's row, None for an unknown id."""
@@ -44,7 +57,7 @@ class TeamBook:
         """Take a robot's own report; an unknown id or a number that is not one changes nothing."""
         row = self._rows.get(state.robot_id)
         numbers = (*state.position, *state.velocity, state.altitude_m)
-        if row is None or not np.isfinite(numbers).all():
+        if row is None or not all(map(math.isfinite, numbers)):
             return
         self._positions[row] = state.position
         self._velocities[row] = state.velocity
@@ -59,6 +72,7 @@ class TeamBook:
             return None
         before = self._links[row]
         self._links[row] = link
+        self._lanes = None
         return before
 
     def link_of(self, robot_id: int) -> Link | None:
@@ -71,9 +85,18 @@ class TeamBook:
         return dict(zip(self.ids, self._links, strict=True))
 
     def lanes(self) -> Lanes:
-        """Return the connected robots, in team order."""
-        rows = tuple(i for i, link in enumerate(self._links) if link is Link.CONNECTED)
-        return Lanes(rows, tuple(self.ids[i] for i in rows))
+        """Return the connected robots, in team order; the same object until a link changes."""
+        if self._lanes is None:
+            rows = tuple(i for i, link in enumerate(self._links) if link is Link.CONNECTED)
+            robots = [self._setup.robots[row] for row in rows]
+            self._lanes = Lanes(
+                rows,
+                tuple(self.ids[row] for row in rows),
+                frozen(np.reshape([r.control_lower for r in robots], (-1, 2))),
+                frozen(np.reshape([r.control_upper for r in robots], (-1, 2))),
+                frozen([r.speed_limit_m_s for r in robots]),
+            )
+        return self._lanes
 
     def positions_of(self, rows: tuple[int, ...]) -> FloatArray:
         """Return positions (len(rows), 2)."""
@@ -83,6 +106,23 @@ class TeamBook:
         """Return velocities (len(rows), 2)."""
         return frozen(self._velocities[list(rows)].reshape(-1, 2))
 
+    def rows_of(self, robot_ids: Iterable[int]) -> tuple[int, ...]:
+        """Return the rows of robots. Raises KeyError for an unknown id."""
+        return tuple(self._rows[robot_id] for robot_id in robot_ids)
+
+    def heard_at(self, robot_id: int, now_s: float) -> bool:
+        """Return whether a robot in reach has reported in the tick of that time."""
+        row = self._rows[robot_id]
+        return self._links[row] is Link.CONNECTED and self._heard_s[row] == now_s
+
+    def is_blind(self, robot_id: int) -> bool:
+        """Return whether a robot has last reported a sensing failure."""
+        return bool(self._sensing_failed[self._rows[robot_id]])
+
+    def commanded(self, rows: tuple[int, ...]) -> FloatArray:
+        """Return the last commanded velocities (len(rows), 2)."""
+        return frozen(self._setpoints[list(rows)].reshape(-1, 2))
+
     def sensing_failed(self) -> BoolArray:
         """Return the mask (M,)."""
         return frozen_bool(self._sensing_failed)
@@ -91,7 +131,7 @@ class TeamBook:
         """Return a robot's altitude. Raises KeyError for an unknown id."""
         return float(self._altitudes[self._rows[robot_id]])
 
-    def ghosts(self, now_s: float, fresh_s: float) -> FloatArray:
+    def ghosts(self, now_s: float, fresh_s: float = GHOST_S) -> FloatArray:
         """Return where robots that are not flown here were last seen, if lately, (K, 2)."""
         rows = [
             row

@@ -114,6 +114,7 @@ def _filter(dt_s: float) -> dict[str, Any]:
         "model": "random_walk",
         "process_noise": PROCESS_NOISE_M2_PER_STEP / dt_s,
         "gate_probability": None,
+        "near_field": "mode",
         "drop_after_s": NEVER_S,
     }
 

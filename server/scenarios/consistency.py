@@ -148,7 +148,7 @@ def _near(wanted: int, known: Iterable[int]) -> str:
 
 
 def _capacities(scenario: "Scenario") -> Iterator[Problem]:
-    """Refuse beta(A) > 0 (paper, eq. 5)."""
+    """Refuse beta(A) > 0 (paper, eq. 4)."""
     wanted = len(scenario.targets)
     for i, robot in enumerate(scenario.robots):
         row = set(scenario.assignment.get(robot.id, ()))

@@ -11,6 +11,8 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
+from server.errors import BadInput
+
 _RANGE_ERRORS = frozenset(
     {"greater_than", "greater_than_equal", "less_than", "less_than_equal", "enum", "literal_error"}
 )
@@ -42,7 +44,7 @@ class Problem:
         return f"{self.path}: {self.text}" if self.path else self.text
 
 
-class ScenarioError(Exception):
+class ScenarioError(BadInput):
     """Raised when a scenario cannot be read, or breaks its own rules.
 
     One line per problem, each naming the file, the field and what is allowed.

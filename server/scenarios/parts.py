@@ -8,8 +8,8 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
+from solver.beliefs import MotionModel, NearField
 from solver.directives import Weights
-from solver.estimation import MotionModel
 from solver.zones import ZoneKind
 from vehicles.world.motion import Ending
 
@@ -202,6 +202,26 @@ class AttackPart(Part):
     )
 
 
+class InferencePart(Part):
+    """How zones are inferred that nothing reveals."""
+
+    expected_zones: Positive = Field(
+        default=2.0, description="Of each kind in the field, before anything is known."
+    )
+    faults_per_hour: Positive = Field(
+        default=2.0, description="Failures of one robot that no zone causes."
+    )
+    deviation_m: Annotated[float, Field(strict=True, ge=0.05, le=100.0)] = Field(
+        default=0.7, description="Median standard deviation of a zone, m."
+    )
+    memory_s: Annotated[float, Field(strict=True, ge=10.0, le=1e6)] = Field(
+        default=600.0, description="Evidence that old counts for 1/e: zones may move."
+    )
+    confidence: Annotated[float, Field(strict=True, ge=0.05, le=0.99)] = Field(
+        default=0.5, description="Probability from which the team goes by an inferred zone."
+    )
+
+
 class WeightsPart(Part):
     """Weights of the objective, in the paper's order w1..w4."""
 
@@ -278,6 +298,11 @@ class FilterPart(Part):
     )
     drop_after_s: Positive = Field(default=30.0, description="A track unseen so long is dropped.")
     speed_variance: Positive = Field(default=0.25, description="Of a new track, m^2/s^2.")
+    near_field: NearField = Field(
+        default=NearField.MOMENTS,
+        description="What is taken of the posterior close to a target: its moments, or its mode "
+        "(for worlds whose noise is far below the sensor model's).",
+    )
 
 
 class LoopsPart(Part):
@@ -298,6 +323,20 @@ class LinksPart(Part):
 class MeritPart(Part):
     """The fixed yardstick that proposals are compared by; it does not depend on the weights."""
 
-    sensing_price: NotNegative = Field(default=1.0, description="Of one expected hit, m^2.")
-    communication_price: NotNegative = Field(default=1.0, description="Of one hit, m^2.")
-    effort_price: NotNegative = Field(default=0.001, description="Of 1 m^2/s^2, m^2.")
+    sensing_price: NotNegative | None = Field(
+        default=None,
+        description="Of one expected hit, m^2 s; left out: what a failure costs this mission.",
+    )
+    communication_price: NotNegative | None = Field(
+        default=None, description="The same for communication."
+    )
+    effort_price: NotNegative = Field(
+        default=0.001, description="Of 1 m^2/s of squared speed times time, m^2 s."
+    )
+    margin: Annotated[float, Field(ge=0.0, le=1.0)] = Field(
+        default=0.05,
+        description="A proposal whose merit is worse by more than this share is clearly worse.",
+    )
+    approval_s: Seconds = Field(
+        default=30.0, description="A person's time to approve; then a proposal is refused."
+    )

@@ -11,6 +11,7 @@ from pydantic import Field, model_validator
 from server.mission.setup import (
     Compat,
     GateMode,
+    HazardSetup,
     LoopSetup,
     MeritSetup,
     MissionSetup,
@@ -26,6 +27,7 @@ from server.scenarios.parts import (
     FieldPart,
     FilterPart,
     Id,
+    InferencePart,
     LinksPart,
     LoopsPart,
     MeritPart,
@@ -41,11 +43,11 @@ from server.scenarios.parts import (
     ZoneDefaultsPart,
     ZonePart,
 )
+from solver.beliefs import FilterSettings
 from solver.directives import Pairing, Weights
-from solver.estimation import FilterSettings
 from solver.observations import TargetPrior
 from solver.problem import Dynamics, SensorModel
-from vehicles.world.setup import WorldSetup
+from vehicles.world.setup import Discovery, WorldSetup
 
 MAX_ROBOTS = 1000
 MAX_TARGETS = 2000
@@ -99,6 +101,12 @@ class Scenario(Part):
     sensor: SensorPart = SensorPart()
     filter: FilterPart = FilterPart()
     attacks: AttackPart = AttackPart()
+    discovery: Discovery = Field(
+        default=Discovery.ORACLE,
+        description="`oracle`: the first hit reveals a zone as it is (the paper). `inferred`: "
+        "nothing is revealed, zones are learned from failures and their absence.",
+    )
+    inference: InferencePart = InferencePart()
     loops: LoopsPart = LoopsPart()
     links: LinksPart = LinksPart()
     merit: MeritPart = MeritPart()
@@ -170,7 +178,14 @@ class Scenario(Part):
             communication_defaults=_zone_defaults(self.zone_defaults.communication),
             lost_after_s=self.links.lost_after_s,
             setpoint_ttl_s=self.links.setpoint_ttl_s,
+            hazards=self._hazard_setup(),
         )
+
+    def _hazard_setup(self) -> HazardSetup | None:
+        if self.discovery is Discovery.ORACLE:
+            return None
+        density = self.attacks.recover_density
+        return HazardSetup(recover_density=density, **self.inference.model_dump())
 
     def sensor_model(self) -> SensorModel:
         """Return the noise of the robots' sensors."""

@@ -42,6 +42,7 @@ def world_setup(scenario: "Scenario") -> WorldSetup:
         sensor=scenario.sensor_model(),
         noise=NoiseLaw.AUTHORS if authors else NoiseLaw.SOUND,
         jamming=JammingLaw.AUTHORS if authors else JammingLaw.LINEAR,
+        discovery=scenario.discovery,
         detection_range_m=scenario.sensor.detection_range_m,
     )
 

@@ -14,8 +14,8 @@ from server.mission.setup import (
     ZoneDefaults,
 )
 from solver.arrays import frozen
+from solver.beliefs import FilterSettings
 from solver.directives import Pairing, Weights
-from solver.estimation import FilterSettings
 from solver.observations import Detections, RobotState, Sighting, TargetPrior
 from solver.problem import Dynamics, Problem, Rung, SensorModel, Solution
 from solver.zones import Point, Zone, ZoneKind

@@ -20,9 +20,12 @@ from server.encoding import (
     snapshot_message,
     truth_object,
 )
+from server.gate.decisions import Decision, Status
+from server.gate.encoding import decision_object
 from server.live.channel import ChannelClosed, RequestRefused, frame
 from server.live.host import Receive
 from server.loops import LoopReport
+from server.mission.setup import GateMode, ZoneDefaults
 from solver.arrays import frozen, frozen_bool
 from solver.directives import CommentVerdict, Directives, Pairing, Pin, Source, Weights
 from solver.observations import Comment, HoldState, Link
@@ -37,12 +40,18 @@ from solver.snapshot import (
     TrackTable,
 )
 from solver.zones import Zone, ZoneKind
+from tests.server.scripted_deciding import adopted, exchange, override_card, proposed, refused
+from tests.server.scripted_directing import steered
 
 ROBOTS = (21, 26, 31, 34)
 TARGETS = (121, 122, 123, 124, 125, 126)
 FIELD = ((-8.0, -5.0), (8.0, 5.0))
 LOWER = Weights(1.0, 0.005, 5.0, 5.0)
 UPPER = Weights(100.0, 0.5, 500.0, 500.0)
+ZONE_DEFAULTS = {
+    ZoneKind.SENSING: ZoneDefaults(0.1, 0.1, 0.1),
+    ZoneKind.COMMUNICATION: ZoneDefaults(0.2, 0.05, 0.05),
+}
 FOUND = (
     Zone("s1", ZoneKind.SENSING, (-2.5, 1.0), ((0.8, 0.25), (0.25, 0.5)), 0.1, 0.1),
     Zone("c1", ZoneKind.COMMUNICATION, (2.4, -1.6), ((0.6, 0.0), (0.0, 0.6)), 0.2, 0.05),
@@ -136,7 +145,10 @@ class ScriptedHost:
     receipts: list[CommentReceipt] = field(default_factory=list)
     answered: set[str] = field(default_factory=set)
     directives: Directives = field(default_factory=directives)
+    zones: tuple[Zone, ...] = FOUND
     time_s: float = 0.0
+    decided: int = 0
+    waiting: dict[str, Decision] = field(default_factory=dict)
     exit_code: "asyncio.Future[int] | None" = None
     ready: asyncio.Event = field(default_factory=asyncio.Event)
 
@@ -174,6 +186,8 @@ class ScriptedHost:
                 self.state = MissionState.RUNNING
             case "comment":
                 return self._comment(dict(params or {}))
+            case "override":
+                return self._override(dict(params or {}))
             case "hold":
                 self.state = MissionState.HELD
                 self.event(EventKind.HOLD, Severity.WARNING, "Hold all: operator")
@@ -197,7 +211,12 @@ class ScriptedHost:
         self.time_s = time_s
         hold = HoldState.HELD if self.state is MissionState.HELD else HoldState.FLYING
         picture = snapshot(
-            time_s, directives=self.directives, hold=hold, receipts=tuple(self.receipts)
+            time_s,
+            directives=self.directives,
+            hold=hold,
+            receipts=tuple(self.receipts),
+            zones=self.zones,
+            known=frozen_bool([[True] * len(self.zones)] * len(ROBOTS)),
         )
         self._receive(
             frame(
@@ -207,6 +226,8 @@ class ScriptedHost:
                     loops=loop_reports(time_s),
                     field=FIELD,
                     weight_bounds=(LOWER, UPPER),
+                    severity_bounds=(1.0, 5.0),
+                    zone_defaults=ZONE_DEFAULTS,
                     attacks={ZoneKind.SENSING: 3, ZoneKind.COMMUNICATION: 1},
                     mission="m1",
                     truth=truth_object(
@@ -229,17 +250,73 @@ class ScriptedHost:
     def _comment(self, params: dict[str, Any]) -> dict[str, Any]:
         if len(self.receipts) >= 32:
             raise RequestRefused("too_many_comments", "32 comments stand already")
-        comment = Comment(
-            f"c{len(self.receipts) + 1}", params["text"], self.time_s, 120.0, params["author"]
-        )
+        said = params["id"], params["text"], self.time_s, 120.0, params["author"]
+        comment = Comment(*said)
         self.receipts.append(CommentReceipt(comment))
         self.event(EventKind.COMMENT, Severity.INFO, f"Comment: {comment.text}")
         return comment_object(self.receipts[-1])
 
+    def _override(self, params: dict[str, Any]) -> dict[str, Any]:
+        """Adopt whatever is asked, except for what is unheard of."""
+        asked = params["asked"]
+        if params["what"] == "approval" and asked["id"] in self.waiting:
+            return self._approve(asked["id"], asked["approve"], params["author"])
+        if asked.get("id") == "nobody":
+            raise RequestRefused("pin_unknown", "There is no pin nobody.")
+        if asked.get("weights", [0.0])[0] > 100.0:
+            words = "Weight 1 (tracking) must be between 1 and 100, not 1000."
+            details = {"field": "weights", "violations": [words]}
+            raise RequestRefused("override_refused", words, details)
+        self.decided += 1
+        done = steered(self.directives, self.zones, params["what"], asked, self.time_s)
+        self.directives, self.zones = done.directives, done.zones
+        card = override_card(self.decided, self.time_s, params["author"], done.changes)
+        self._receive(frame({"type": "exchange", "id": card["id"], "attempts": [{"prompt": "?"}]}))
+        self.event(EventKind.DECISION, Severity.INFO, "Adopted.", decision=card)
+        if params["what"] == "zone" and done.zone is not None:
+            who, zone = params["author"], done.zone["id"]
+            about = {"what": "zone", "zone": zone, "did": "drew", "author": who}
+            self.event(EventKind.DIRECTIVES, Severity.INFO, f"{who} drew zone {zone}.", **about)
+        return {"decision": card, "zone": done.zone}
+
     def _answer(self, receipt: CommentReceipt) -> None:
-        """Do as asked: robot 21 takes target 122, robot 26 takes target 125 for it."""
+        """Propose what is asked: robot 21 takes target 122, robot 26 takes target 125 for it."""
         comment = receipt.comment
         self.answered.add(comment.id)
+        self.decided += 1
+        decision = proposed(self.decided, comment, self.time_s, self.definition.gate)
+        self._receive(frame(exchange(decision)))
+        self._tell(decision)
+        if decision.status is Status.PENDING:
+            self.waiting[decision.id] = decision
+        else:
+            self._swap(receipt, decision)
+
+    def _approve(self, decision_id: str, approve: bool, by: str) -> dict[str, Any]:
+        decision = self.waiting.pop(decision_id)
+        receipt = next(r for r in self.receipts if r.comment.id == decision.comment_ids[0])
+        if approve:
+            decision = adopted(decision, self.time_s, by)
+            self._swap(receipt, decision)
+        else:
+            decision = refused(decision, self.time_s, by)
+            self.receipts[self.receipts.index(receipt)] = replace(
+                receipt,
+                task=CommentVerdict.DECLINED,
+                task_reason=decision.reasons[0],
+                task_proposal=decision.proposal_id,
+                action=CommentVerdict.NOTED,
+            )
+        self._tell(decision)
+        return {"decision": decision_object(decision), "zone": None}
+
+    def _tell(self, decision: Decision) -> None:
+        words, card = f"{decision.id}: {decision.status.value}.", decision_object(decision)
+        self.event(EventKind.DECISION, Severity.INFO, words, decision=card)
+
+    def _swap(self, receipt: CommentReceipt, decision: Decision) -> None:
+        """Do what was proposed."""
+        comment = receipt.comment
         swapped = self.directives.assignment - {Pairing(26, 122), Pairing(21, 125)}
         self.directives = replace(
             self.directives,
@@ -252,6 +329,7 @@ class ScriptedHost:
             receipt,
             task=CommentVerdict.APPLIED,
             task_reason="Robot 21 takes target 122; robot 26 takes target 125 in exchange.",
+            task_proposal=decision.proposal_id,
             action=CommentVerdict.NOTED,
             action_reason="No weight has to change for it.",
         )
@@ -266,6 +344,14 @@ class ScriptedCatalogue:
             ScenarioInfo(name="scripted", description="A script.", robots=4, targets=6, zones=3),
         )
 
+    def describe(self, scenario: dict[str, Any]) -> ScenarioInfo:
+        if set(scenario) != {"name"} or not str(scenario["name"]).isalpha():
+            raise ServiceError("scenario_invalid", "name: letters are expected.", 422)
+        return ScenarioInfo(name=scenario["name"], description="", robots=4, targets=6, zones=3)
+
+    def bus(self, planner: Mapping[str, Any]) -> dict[str, Any]:
+        return {"mode": "client"}
+
     def profiles(self) -> tuple[LlmProfile, ...]:
         return (
             LlmProfile(name="none", description="No model."),
@@ -276,5 +362,16 @@ class ScriptedCatalogue:
         if request.scenario != "scripted":
             raise ServiceError("scenario_unknown", f"No scenario {request.scenario}.", 422)
         return Definition(
-            "scripted", request.llm, request.seed or 0, request.clock, {"p": 1}, {"w": 1}
+            "scripted",
+            request.llm,
+            request.seed or 0,
+            request.clock,
+            request.gate or GateMode.AUTO,
+            {"p": 1},
+            {"w": 1},
         )
+
+    def model_address(self, profile: str) -> str:
+        if profile not in {known.name for known in self.profiles()}:
+            raise ServiceError("llm_unknown", f"No profile {profile}.", 422)
+        return profile

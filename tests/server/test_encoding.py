@@ -21,7 +21,15 @@ from solver.directives import CommentVerdict, Pairing, Pin
 from solver.observations import Comment, Link
 from solver.snapshot import CommentReceipt, Snapshot
 from solver.zones import Zone, ZoneKind
-from tests.server.scripted import FIELD, LOWER, UPPER, directives, loop_reports, snapshot
+from tests.server.scripted import (
+    FIELD,
+    LOWER,
+    UPPER,
+    ZONE_DEFAULTS,
+    directives,
+    loop_reports,
+    snapshot,
+)
 
 
 def message(picture: Snapshot | None = None, **changes: Any) -> dict[str, Any]:
@@ -30,6 +38,8 @@ def message(picture: Snapshot | None = None, **changes: Any) -> dict[str, Any]:
         "loops": loop_reports(30.0),
         "field": FIELD,
         "weight_bounds": (LOWER, UPPER),
+        "severity_bounds": (1.0, 5.0),
+        "zone_defaults": ZONE_DEFAULTS,
         "attacks": {ZoneKind.SENSING: 3},
         "mission": "m1",
     } | changes
@@ -40,13 +50,16 @@ def test_a_message_has_every_key_of_the_contract() -> None:
     said = message()
     assert list(said) == [
         "type", "v", "mission", "tick", "time_s", "state", "field", "robots", "targets", "zones",
-        "directives", "solve", "trace", "guidance", "loops", "attacks", "comments", "truth",
+        "zone_defaults", "directives", "solve", "trace", "guidance", "loops", "attacks", "comments",
+        "truth", "stamp_s",
     ]  # fmt: skip
     assert said["type"] == "snapshot"
     assert said["v"] == 1
     assert said["state"] == "running"
     assert said["time_s"] == 30.0
     assert said["truth"] is None
+    assert said["stamp_s"] is None
+    assert message(stamp_s=12.34567)["stamp_s"] == 12.3457
 
 
 def test_a_message_is_plain_json_without_nan() -> None:
@@ -92,6 +105,7 @@ def test_directives_name_every_robot_even_without_targets() -> None:
         "tracking": 10.0, "control": 0.05, "sensing": 50.0, "communication": 50.0
     }  # fmt: skip
     assert said["weight_bounds"]["control"] == [0.005, 0.5]
+    assert said["severity_bounds"] == [1.0, 5.0]
     assert said["capacities"]["34"] == 2
 
 
@@ -138,6 +152,7 @@ def test_loops_without_a_call_have_no_rate() -> None:
     said = message(loops={"task_llm": LoopReport(0, 0, None, None, None, None)})["loops"]
     assert said == {
         "task_llm": {"rate_hz": None, "mean_s": None, "success_rate": None, "age_s": None,
+                     "adopted_rate": None,
                      "calls": 0, "missed": 0}
     }  # fmt: skip
 
@@ -148,7 +163,13 @@ def test_attacks_of_both_kinds_are_counted() -> None:
 
 def test_comments_tell_each_loops_answer() -> None:
     comment = Comment("c1", "Focus on 122.", 3.0, 120.0)
-    receipt = CommentReceipt(comment, task=CommentVerdict.APPLIED, task_reason="swapped")
+    receipt = CommentReceipt(
+        comment,
+        task=CommentVerdict.APPLIED,
+        task_reason="swapped",
+        task_feedback="As you wish.",
+        task_proposal="t4",
+    )
     assert message(snapshot(3.0, receipts=(receipt,)))["comments"] == [
         {
             "id": "c1",
@@ -157,7 +178,12 @@ def test_comments_tell_each_loops_answer() -> None:
             "time_s": 3.0,
             "expires_s": 123.0,
             "status": "applied",
-            "task": {"verdict": "applied", "reason": "swapped"},
+            "task": {
+                "verdict": "applied",
+                "reason": "swapped",
+                "feedback": "As you wish.",
+                "proposal": "t4",
+            },
             "action": None,
         }
     ]

@@ -61,6 +61,18 @@ def test_a_second_start_is_an_error() -> None:
         clock.finished(2.0)
 
 
+def test_a_valid_answer_counts_before_anybody_has_decided_about_it() -> None:
+    meter = LoopMeter()
+    meter.record(1.0, 0.5, success=True)
+    waiting = meter.report(2.0)
+    assert (waiting.success_rate, waiting.age_s, waiting.adopted_rate) == (1.0, 1.0, None)
+    meter.decided(adopted=False)
+    meter.record(3.0, 0.5, success=True)
+    meter.decided(adopted=True)
+    after = meter.report(4.0)
+    assert (after.success_rate, after.adopted_rate) == (1.0, 0.5)
+
+
 def test_meter_reports_rate_mean_success_and_age() -> None:
     meter = LoopMeter()
     assert meter.report(0.0).rate_hz is None

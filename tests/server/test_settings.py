@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from server.settings import NOT_BUILT, PREFIX, Settings, SettingsError, load_settings, variable
+from server.settings import PREFIX, Settings, SettingsError, load_settings, variable
 
 
 @pytest.fixture(autouse=True)
@@ -56,13 +56,6 @@ def test_a_wrong_variable_is_named(
     with pytest.raises(SettingsError) as caught:
         load_settings()
     assert words in str(caught.value)
-
-
-@pytest.mark.parametrize("name", sorted(NOT_BUILT))
-def test_what_is_not_built_is_refused(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
-    monkeypatch.setenv(variable(name), "something-long-enough-for-a-secret")
-    with pytest.raises(SettingsError, match=f"{variable(name)} is reserved"):
-        load_settings()
 
 
 @pytest.mark.parametrize(

@@ -3,10 +3,12 @@
 import asyncio
 from collections.abc import Callable
 
+from tests.patience import PATIENCE_S
+
 STEP_S = 0.005
 
 
-async def eventually(condition: Callable[[], bool], within_s: float = 10.0) -> None:
+async def eventually(condition: Callable[[], bool], within_s: float = PATIENCE_S) -> None:
     """Return as soon as the condition holds. Raises AssertionError when it never does."""
     for _ in range(round(within_s / STEP_S)):
         if condition():

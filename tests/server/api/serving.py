@@ -4,17 +4,53 @@ import asyncio
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
+from pathlib import Path
+from shutil import rmtree
+from tempfile import mkdtemp
+from typing import Any, Self
+from weakref import finalize
 
 import httpx
 import uvicorn
 from fastapi import FastAPI
+from starlette.types import Scope
 
 from server.api.app import create_app
 from server.api.catalogue import Definition
+from server.api.identity import Identity, Role
 from server.api.service import MissionService
 from server.api.web import web_config
+from server.journal.database import DatabaseJournal
+from server.journal.store import Store
 from server.settings import Settings
 from tests.server.scripted import ScriptedCatalogue, ScriptedHost
+
+UNHURRIED = 1e6
+"""Requests per second: a test that waits for something asks as often as it likes."""
+
+
+class OpenDoor:
+    """Lets everybody on this machine do everything: tests of other things need no login."""
+
+    beyond = False
+
+    def identify(self, scope: Scope) -> Identity:
+        return Identity("operator", Role.ADMIN)
+
+    def still(self, identity: Identity) -> bool:
+        return True
+
+
+class StagedService(MissionService):
+    """A service that opens its journal itself, so that a test needs one context only."""
+
+    async def __aenter__(self) -> Self:
+        await self._journal.__aenter__()
+        return await super().__aenter__()
+
+    async def __aexit__(self, *failure: Any) -> None:
+        await super().__aexit__(*failure)
+        await self._journal.__aexit__(*failure)
 
 
 @dataclass
@@ -26,8 +62,13 @@ class Stage:
     fail_start: bool = False
     period_s: float = 0.01
 
+    folder: Path = field(default_factory=lambda: Path(mkdtemp(prefix="falconer-stage-")))
+    """Holds the journal; removed when the service is closed."""
+
     def __post_init__(self) -> None:
-        self.service = MissionService(ScriptedCatalogue(), self.planner, self.world)
+        finalize(self, rmtree, self.folder, ignore_errors=True)
+        journal = DatabaseJournal(Store(f"sqlite:///{self.folder / 'journal.db'}"))
+        self.service = StagedService(ScriptedCatalogue(), self.planner, self.world, journal)
 
     def planner(self, definition: Definition) -> ScriptedHost:
         self.planners.append(
@@ -40,7 +81,8 @@ class Stage:
         return self.worlds[-1]
 
     def app(self, **settings: object) -> FastAPI:
-        return create_app(Settings.model_validate(settings), self.service)
+        known = Settings.model_validate({"request_rate": UNHURRIED, **settings})
+        return create_app(known, self.service, door=None if known.tokens() else OpenDoor())
 
 
 @asynccontextmanager

@@ -1,3 +1,4 @@
+import re
 from typing import Any
 
 import httpx
@@ -57,6 +58,29 @@ async def test_a_broken_body_is_told_of(body: bytes) -> None:
     error = answer.json()["error"]
     assert 400 <= answer.status_code < 500
     assert set(error) == {"code", "message", "details"}
+
+
+@pytest.mark.asyncio
+@pytest.mark.parametrize("body", ["[]", "[null, null]", '"text"', "7", "null", "true"])
+async def test_a_body_that_is_no_object_is_refused_by_every_route(body: str) -> None:
+    app = Stage().app()
+    headers = {"content-type": "application/json"}
+    transport = httpx.ASGITransport(app=app)
+    async with (
+        app.router.lifespan_context(app),
+        httpx.AsyncClient(transport=transport, base_url="http://127.0.0.1:8000") as client,
+    ):
+        paths = (await client.get(f"{API}/openapi.json")).json()["paths"]
+        asked = 0
+        for path, operations in paths.items():
+            for method, operation in operations.items():
+                if "requestBody" in operation:
+                    url = API + re.sub(r"\{\w+\}", "m1", path)
+                    answer = await client.request(method, url, content=body, headers=headers)
+                    assert answer.status_code in (404, 422), (path, answer.text)
+                    assert set(answer.json()) == {"error"}
+                    asked += answer.status_code == 422
+        assert asked > 10
 
 
 @pytest.mark.asyncio

@@ -5,14 +5,16 @@ from typing import Any
 
 import pytest
 
+from llm.local import worker
+from server.api.definitions import ENDPOINT, define_live
 from server.api.errors import ServiceError
-from server.api.library import ENDPOINT, ScenarioLibrary, define_live
+from server.api.library import ScenarioLibrary
 from server.api.models import MissionRequest
 from server.live.channel import encode
 from server.live.job import JobError, load_job
 from server.scenarios import library
 from server.settings import Settings
-from vehicles.sim_worker import load_job as load_world_job
+from vehicles.sim_job import load_job as load_world_job
 from vehicles.zenoh_settings import ZenohMode
 
 LIBRARY = ScenarioLibrary(Settings())
@@ -89,14 +91,27 @@ def test_a_bad_scenario_names_what_is_wrong(scenario: Any, word: str) -> None:
     assert word in error.message
 
 
-def test_models_are_profiles_not_addresses() -> None:
-    assert [profile.name for profile in LIBRARY.profiles()] == ["mock", "exact", "none"]
+def test_models_are_profiles_not_addresses(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(worker, "missing", lambda: None)
+    assert [p.name for p in LIBRARY.profiles()] == ["mock", "exact", "none", "local"]
     assert refused(scenario="hardware", llm="endpoint").code == "llm_unknown"
     configured = Settings(llm_base_url="http://127.0.0.1:8080/v1", llm_model="small")
     found = ScenarioLibrary(configured)
-    assert [profile.name for profile in found.profiles()] == ["mock", "exact", "none", ENDPOINT]
+    assert [p.name for p in found.profiles()] == ["mock", "exact", "none", "local", ENDPOINT]
+    definition = found.define(MissionRequest(scenario="hardware", llm="local"))
+    assert load_job(definition.planner).llm == "local"
     definition = found.define(MissionRequest(scenario="hardware", llm=ENDPOINT))
     assert load_job(definition.planner).llm == "http://127.0.0.1:8080/v1"
+
+
+def test_the_embedded_model_is_offered_where_it_is_installed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(worker, "missing", lambda: worker.MISSING)
+    assert [p.name for p in LIBRARY.profiles()] == ["mock", "exact", "none"]
+    error = refused(scenario="hardware", llm="local")
+    assert (error.status, error.code) == (422, "llm_unavailable")
+    assert "make setup-local" in error.message
 
 
 def test_with_a_bus_named_the_vehicles_are_elsewhere() -> None:

@@ -7,6 +7,7 @@ import pytest
 import pytest_asyncio
 
 from server.api.models import MAX_COMMENT_CHARACTERS
+from tests.patience import PATIENCE_S
 from tests.server.api.serving import Stage, client_of
 
 API = "/api/v1"
@@ -40,7 +41,7 @@ async def flying(client: httpx.AsyncClient, **body: Any) -> str:
 async def until(
     client: httpx.AsyncClient, path: str, condition: Callable[[dict[str, Any]], bool]
 ) -> dict[str, Any]:
-    async with asyncio.timeout(10.0):
+    async with asyncio.timeout(PATIENCE_S):
         while True:
             answer: dict[str, Any] = (await client.get(f"{API}{path}")).json()
             if condition(answer):
@@ -95,7 +96,7 @@ async def test_starting_gives_world_and_planner_their_parameters(
 ) -> None:
     await flying(client)
     endpoint = "tcp/127.0.0.1:7"
-    job = {"mission": "m1", "job": {"p": 1}, "endpoint": None}
+    job = {"mission": "m1", "job": {"p": 1}, "endpoint": None, "decisions": 0}
     assert stage.planners[0].requests == [("prepare", job), ("start", {})]
     assert stage.worlds[0].requests == [("start", {"job": {"w": 1}, "endpoint": endpoint})]
 

@@ -17,6 +17,7 @@ from server.api.security import (
 from tests.server.api.serving import Stage, client_of, served
 
 API = "/api/v1"
+ADMIN = "admin-token-0123456789"
 OPERATOR = "operator-token-0123456789"
 VIEWER = "viewer-token-0123456789"
 
@@ -149,7 +150,12 @@ async def test_answers_carry_security_headers() -> None:
     assert answer.headers["x-frame-options"] == "SAMEORIGIN"
 
 
-TOKENS = {"host": "0.0.0.0", "operator_token": OPERATOR, "viewer_token": VIEWER}
+TOKENS = {
+    "host": "0.0.0.0",
+    "admin_token": ADMIN,
+    "operator_token": OPERATOR,
+    "viewer_token": VIEWER,
+}
 
 
 def bearer(token: str) -> dict[str, str]:
@@ -167,8 +173,9 @@ def bearer(token: str) -> dict[str, str]:
         ("GET", bearer(VIEWER), 200),
         ("GET", bearer(OPERATOR), 200),
         ("POST", bearer(VIEWER), 403),
-        ("POST", bearer(OPERATOR), 201),
-        ("POST", {**bearer(OPERATOR), "origin": "https://evil.example"}, 403),
+        ("POST", bearer(OPERATOR), 403),
+        ("POST", bearer(ADMIN), 201),
+        ("POST", {**bearer(ADMIN), "origin": "https://evil.example"}, 403),
     ],
 )
 async def test_with_tokens_everything_needs_one(

@@ -33,7 +33,7 @@ async def read_on(socket: ClientConnection) -> None:
 async def test_snapshots_and_events_come_as_they_happen() -> None:
     stage = Stage()
     async with served(stage.app()) as address:
-        await stage.service.create(REQUEST)
+        await stage.service.create(REQUEST, "operator")
         async with connect(url(address)) as socket:  # opened before it flies
             await stage.service.start("m1", "operator")
             first = await received(socket)
@@ -49,7 +49,7 @@ async def test_snapshots_and_events_come_as_they_happen() -> None:
 async def test_a_late_comer_sees_the_last_snapshot_of_an_ended_mission() -> None:
     stage = Stage()
     async with served(stage.app()) as address:
-        await stage.service.create(REQUEST)
+        await stage.service.create(REQUEST, "operator")
         await stage.service.start("m1", "operator")
         await eventually(lambda: stage.service.snapshot("m1") is not None)
         await stage.service.stop("m1", "operator")
@@ -73,10 +73,10 @@ async def test_an_unknown_mission_is_refused_in_the_one_shape() -> None:
 async def test_a_removed_mission_closes_its_streams() -> None:
     stage = Stage()
     async with served(stage.app()) as address:
-        await stage.service.create(REQUEST)
+        await stage.service.create(REQUEST, "operator")
         async with connect(url(address)) as socket:
             await eventually(lambda: stage.service.readers("m1") == 1)
-            await stage.service.delete("m1")
+            await stage.service.delete("m1", "operator")
             with pytest.raises(ConnectionClosed) as closed:
                 await socket.recv()
     assert closed.value.rcvd is not None
@@ -88,7 +88,7 @@ async def test_a_removed_mission_closes_its_streams() -> None:
 async def test_a_client_that_talks_is_closed() -> None:
     stage = Stage()
     async with served(stage.app()) as address:
-        await stage.service.create(REQUEST)
+        await stage.service.create(REQUEST, "operator")
         async with connect(url(address)) as socket:
             await socket.send("hello")
             with pytest.raises(ConnectionClosed) as closed:
@@ -101,7 +101,7 @@ async def test_a_client_that_talks_is_closed() -> None:
 async def test_a_stalled_client_is_dropped_and_nobody_else_notices() -> None:
     stage = Stage()
     async with served(stage.app()) as address:
-        await stage.service.create(REQUEST)
+        await stage.service.create(REQUEST, "operator")
         await stage.service.start("m1", "operator")
         async with (
             connect(url(address), compression=None) as quick,
@@ -129,7 +129,7 @@ async def test_a_stalled_client_is_dropped_and_nobody_else_notices() -> None:
 async def test_fifty_clients_read_the_same() -> None:
     stage = Stage()
     async with served(stage.app()) as address:
-        await stage.service.create(REQUEST)
+        await stage.service.create(REQUEST, "operator")
         await stage.service.start("m1", "operator")
 
         async def read_ten() -> list[float]:

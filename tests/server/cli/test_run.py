@@ -10,11 +10,19 @@ from pathlib import Path
 import pytest
 
 
-def falconer(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+def falconer(
+    *arguments: str, cwd: Path | None = None, timeout_s: float = 50.0
+) -> subprocess.CompletedProcess[str]:
     environment = {k: v for k, v in os.environ.items() if not k.startswith("FALCONER_")}
     command = [sys.executable, "-m", "server.cli", *arguments]
     return subprocess.run(
-        command, capture_output=True, text=True, timeout=50, cwd=cwd, env=environment, check=False
+        command,
+        capture_output=True,
+        text=True,
+        timeout=timeout_s,
+        cwd=cwd,
+        env=environment,
+        check=False,
     )
 
 
@@ -50,7 +58,6 @@ def test_a_comment_and_its_answer_are_told() -> None:
         (("run", "ablation", "--lockstep", "--llm-latency", "-1"), "--llm-latency"),
         (("run", "ablation", "--lockstep", "--steps", "0"), "--steps"),
         (("run", "ablation", "--lockstep", "--engine", "forces"), "--engine"),
-        (("run", "ablation", "--lockstep", "--record", "x.mcap"), "--record"),
         (("launch",), "launch"),
     ],
 )
@@ -95,3 +102,45 @@ def test_a_model_that_never_answers_validly_is_told_of() -> None:
     )
     assert done.returncode == 0
     assert "no answer of the task model was valid" in done.stderr
+
+
+@pytest.mark.process
+def test_the_embedded_language_model_advises_a_mission_without_a_network() -> None:
+    done = falconer(
+        "run", "hardware", "--lockstep", "--llm", "local", "--llm-latency", "0", "--steps", "3",
+        "--json", timeout_s=180.0,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert "starting the embedded language model" in done.stderr
+    result = json.loads(done.stdout)
+    for loop in (result["task_llm"], result["action_llm"]):
+        assert loop["calls"] == 1
+        assert loop["mean_tokens_in"] > 300
+        assert loop["mean_tokens_out"] > 20
+    assert result["directives"]["beta"] == 0
+
+
+def test_a_recorded_run_is_verified_reported_and_never_overwritten(tmp_path: Path) -> None:
+    file = tmp_path / "flight.mcap"
+    flown = falconer(
+        "run", "ablation", "--lockstep", "--steps", "10", "--engine", "sqp",
+        "--record", str(file), "--json",
+    )  # fmt: skip
+    assert flown.returncode == 0, flown.stderr
+    done = falconer("replay", str(file), "--verify", "--json")
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["ticks"] == 10
+    done = falconer("report", str(file))
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "flight-report" / "report.html").is_file()
+    again = falconer(
+        "run", "ablation", "--lockstep", "--steps", "10", "--record", str(file), "--engine", "sqp"
+    )
+    assert again.returncode == 2
+    assert "exists already" in again.stderr
+
+
+def test_a_recording_that_is_none_is_told_in_a_sentence(tmp_path: Path) -> None:
+    done = falconer("replay", str(tmp_path / "nothing.mcap"), "--verify")
+    assert done.returncode == 2
+    assert done.stderr.strip().endswith("nothing.mcap: No such file or directory")

@@ -9,6 +9,7 @@ from typing import Any, Literal
 from llm.chat import ChatReply, ChatRequest, ErrorKind, LanguageModel, ModelError
 from llm.mock.app import in_process_client
 from server.encoding import MissionState
+from server.gate.rollout import Comparison, Forecast, forecast
 from server.live.mission import LiveMission, Terms
 from server.mission.core import MissionCore
 from server.mission.setup import MissionSetup
@@ -22,11 +23,12 @@ from vehicles.keys import TeamKeys
 from vehicles.link_monitor import LinkSettings
 from vehicles.local_bus import LocalBus, LocalHub
 from vehicles.onboard import OnboardPilot
-from vehicles.simulation import Simulation, SimulationSettings
+from vehicles.settings import SimulationSettings
+from vehicles.simulation import Simulation
 from vehicles.team_link import TeamLink
 
-ENGINE = "sqp"
-"""Needs no compilation."""
+ENGINE = engines.default_engine()
+"""What a mission flies with unless told otherwise."""
 
 
 class InlineSolver:
@@ -37,6 +39,17 @@ class InlineSolver:
 
     async def solve(self, problem: Problem, budget: Budget, patience_s: float) -> Solution:
         return self.planner.solve(problem, Budget(iterations=budget.iterations))
+
+
+class InlineForecaster:
+    """Predicts in the event loop: virtual time stands still meanwhile."""
+
+    def __init__(self) -> None:
+        self.planner = Planner(engines.create(ENGINE))
+        self.spent_s: list[float] = []
+
+    async def predict(self, comparison: Comparison, patience_s: float) -> Forecast | None:
+        return forecast(comparison, self.planner)
 
 
 class DeadModel:
@@ -109,7 +122,14 @@ async def flight(
             world, settings, world_bus, keys, lambda rid: OnboardPilot(rid, pilots), "w"
         )
         mission = LiveMission(
-            terms or Terms("m1"), core, InlineSolver(), link, model, told.append, now
+            terms or Terms("m1"),
+            core,
+            InlineSolver(),
+            InlineForecaster(),
+            link,
+            model,
+            told.append,
+            now,
         )
         tasks = [asyncio.create_task(mission.run())]
         if living == "world":

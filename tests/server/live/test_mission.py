@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from llm.chat import ChatReply, ChatRequest, LanguageModel
 from server.encoding import MissionState
 from server.live.channel import RequestRefused
 from server.live.mission import ITERATIONS, Terms
@@ -83,7 +84,7 @@ def test_a_comment_is_answered_and_told() -> None:
     async def fly() -> Any:
         async with mock_model() as model, flight(model) as f:
             await f.until(2.0)
-            receipt = f.mission.comment(FOCUS, "operator")
+            receipt = f.mission.comment(FOCUS, "operator", "c1")
             await f.until(6.0)
             return receipt, f.snapshots[-1]["comments"], f.words()
 
@@ -111,9 +112,9 @@ def test_too_many_comments_are_refused() -> None:
         async with flight() as f:
             await f.until(1.0)
             for number in range(32):
-                f.mission.comment(f"comment {number}", "operator")
+                f.mission.comment(f"comment {number}", "operator", f"c{number}")
             with pytest.raises(RequestRefused) as refused:
-                f.mission.comment("one more", "operator")
+                f.mission.comment("one more", "operator", "more")
             return refused.value.code
 
     assert run(fly()) == "too_many_comments"
@@ -175,6 +176,51 @@ def test_a_dead_model_costs_no_tick_and_is_told_of() -> None:
     assert loops["task_llm"]["success_rate"] == 0.0
     assert "The task model gave no valid answer: no answer within 8 s" in words
     assert guidance["level"] == "last_valid"
+
+
+def test_a_dead_model_does_not_fill_the_list_of_warnings() -> None:
+    async def fly() -> Any:
+        async with flight(DeadModel()) as f:
+            await f.until(85.0)
+            return list(f.events)
+
+    events = run(fly())
+    loops = [event for event in events if event["kind"] == "loop" and "model" in event["text"]]
+    assert 2 <= len([event for event in loops if "action model" in event["text"]]) <= 3
+    assert "calls in a row): no answer within 8 s" in loops[-1]["text"]
+    decisions = [event for event in events if event["kind"] == "decision"]
+    cards = [card for card in decisions if card["data"]["decision"]["status"] == "refused"]
+    assert len(cards) >= 9, "each is kept with its reason all the same"
+    assert {card["severity"] for card in cards} == {"info"}
+    assert all(card["data"]["decision"]["reasons"] for card in cards)
+
+
+class Stuttering:
+    """Wrong at first, then as the mock has it."""
+
+    def __init__(self, model: LanguageModel) -> None:
+        self.model = model
+        self.asked = 0
+
+    async def complete(self, request: ChatRequest, timeout_s: float) -> ChatReply:
+        self.asked += 1
+        if self.asked <= 2:
+            return ChatReply("I cannot help with that.", 10, 5, 0.1)
+        return await self.model.complete(request, timeout_s)
+
+
+def test_every_refused_try_is_told_with_its_reason_also_where_a_retry_mends_it() -> None:
+    async def fly() -> Any:
+        async with mock_model() as model, flight(Stuttering(model)) as f:
+            await f.until(10.0)
+            return list(f.events)
+
+    refusals = [event for event in run(fly()) if event["kind"] == "verdict"]
+    assert len(refusals) == 2
+    for event in refusals:
+        assert event["severity"] == "info"
+        assert "was refused: The answer was a refusal" in event["text"]
+        assert event["data"]["fault"] == "unreadable"
 
 
 def test_a_mission_ends_when_its_time_is_over() -> None:

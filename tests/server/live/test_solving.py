@@ -1,15 +1,20 @@
 import asyncio
 import threading
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from server.live.solving import AbsentEngine, Resolver, SolveThread
+from server.live.solving import AbsentEngine, Resolver, SolveThread, timed
 from server.mission.core import MissionCore
-from server.mission.tape import Committed
+from server.mission.tape import Committed, MemoryTape, TapedCore, replay
+from server.recording.topics import ENTRY
 from solver import engines
+from solver.arrays import frozen
+from solver.bounds import rollout
 from solver.planner import Planner
 from solver.problem import Budget, EngineFailed, Problem, Rung, Solution
+from tests.patience import PATIENCE_S
 from tests.server.builders import mission_setup
 
 BUDGET = Budget(iterations=50)
@@ -57,7 +62,7 @@ async def test_a_stuck_solve_is_not_waited_for_and_not_asked_again_until_it_is_b
         assert np.array_equal(first.controls, np.zeros_like(first.controls))
         assert (gate.calls, solver.stuck) == (1, 1)
         gate.open.set()
-        async with asyncio.timeout(20.0):
+        async with asyncio.timeout(PATIENCE_S):
             solution = second
             while solution.rung is Rung.BRAKE:
                 await asyncio.sleep(0.01)
@@ -76,6 +81,43 @@ async def test_a_process_can_end_while_a_solve_hangs() -> None:
 def test_the_absent_engine_never_answers() -> None:
     with pytest.raises(EngineFailed):
         AbsentEngine().solve(problem(), BUDGET)
+
+
+@pytest.mark.parametrize(("deadline_s", "late"), [(None, False), (1e6, False), (0.0, True)])
+def test_a_solve_is_late_when_its_deadline_has_passed(deadline_s: float | None, late: bool) -> None:
+    planner = Planner(engines.create("sqp"))
+    assert timed(planner, problem(), Budget(50, deadline_s)).late is late
+
+
+def test_a_mission_whose_solves_were_cut_short_replays_bit_for_bit() -> None:
+    """Every third solve ends somewhere that no count of iterations tells."""
+    setup = mission_setup()
+    tape = MemoryTape()
+    core = TapedCore(MissionCore(setup), tape)
+    planner = Planner(engines.create("sqp"))
+    for tick in range(12):
+        asked = core.begin(0.1 * tick)
+        solution = planner.solve(asked, BUDGET)
+        if tick % 3 == 2:
+            controls = 0.5 * solution.controls
+            positions, velocities = rollout(asked, controls)
+            solution = replace(
+                solution,
+                rung=Rung.FEASIBLE,
+                controls=frozen(controls),
+                positions=frozen(positions),
+                velocities=frozen(velocities),
+                late=True,
+            )
+        core.commit(solution)
+    stored = [ENTRY.validate_json(ENTRY.dump_json(entry)) for entry in tape.entries]
+    assert stored == tape.entries
+    resolver = Resolver(Planner(engines.create("sqp")), BUDGET.iterations)
+    assert list(replay(setup, stored, resolver)) == [None] * 12
+    forgotten = [
+        replace(entry, plan=None) if isinstance(entry, Committed) else entry for entry in stored
+    ]
+    assert any(difference is not None for difference in replay(setup, forgotten, resolver))
 
 
 @pytest.mark.parametrize("rung", [Rung.SHIFTED, Rung.BRAKE])

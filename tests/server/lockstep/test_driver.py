@@ -8,12 +8,15 @@ import pytest
 
 from llm.chat import ChatReply, ChatRequest, ErrorKind, LanguageModel, ModelError
 from llm.mock.app import in_process_client
-from server.lockstep.advice import PAPER_LATENCY, Latency, VirtualAdvice
-from server.lockstep.driver import LOCKSTEP_BUDGET, Lockstep, ScriptedComment
+from server.lockstep.advice import VirtualAdvice
+from server.lockstep.council import Council
+from server.lockstep.driver import LOCKSTEP_BUDGET, Lockstep
 from server.lockstep.exact import ExactAdvice
+from server.lockstep.job import PAPER_LATENCY, Latency, ScriptedComment
 from server.mission.core import MissionCore
 from server.mission.setup import MissionSetup
 from server.mission.tape import Committed, Difference, MemoryTape, TapedCore, replay
+from server.models import Manner, manner_of
 from server.scenarios.library import named
 from solver import engines
 from solver.directives import Pairing
@@ -36,6 +39,9 @@ LOOP_KEYS = {
 FOCUS = ScriptedComment(30.0, "The drone 0 should focus on tracking target 1")
 
 
+HASTY, PATIENT = Manner(), manner_of("local")
+
+
 @pytest.fixture(scope="module")
 def planner() -> Planner:
     return Planner(engines.create(engines.default_engine()))
@@ -48,20 +54,23 @@ def fly(
     steps: int = 100,
     latency: Latency = PAPER_LATENCY,
     tape: MemoryTape | None = None,
+    manner: Manner = HASTY,
 ) -> tuple[dict[str, Any], Lockstep]:
     scenario = named("ablation")
     setup = replace(scenario.mission_setup(), steps=steps)
     core = TapedCore(MissionCore(setup), tape or MemoryTape())
-    advice = None if model is None else VirtualAdvice(core, model, latency)
+    council = Council(core, setup.gate, planner)
+    advice = None if model is None else VirtualAdvice(council, model, latency, manner)
     run = Lockstep(
-        setup, World(scenario.world_setup(), Streams(0)), core, planner, advice, comments
+        setup, World(scenario.world_setup(), Streams(0)), council, planner, advice, comments
     )
     return asyncio.run(run.run(lambda _: None)), run
 
 
 def untimed(result: dict[str, Any]) -> dict[str, Any]:
     optimizer = {k: v for k, v in result["optimizer"].items() if not k.endswith("_ms")}
-    return {**result, "wall_s": None, "optimizer": optimizer}
+    gate = {k: v for k, v in result["gate"].items() if not k.endswith("_ms")}
+    return {**result, "wall_s": None, "optimizer": optimizer, "gate": gate}
 
 
 def test_a_run_without_models_reports_every_key_of_the_contract(planner: Planner) -> None:
@@ -112,13 +121,24 @@ def test_the_assignment_solver_advises_without_a_model(planner: Planner) -> None
     setup = replace(scenario.mission_setup(), steps=200)
     core = TapedCore(MissionCore(setup), MemoryTape())
     world = World(scenario.world_setup(), Streams(0))
-    run = Lockstep(setup, world, core, planner, ExactAdvice(core))
+    council = Council(core, setup.gate, planner)
+    run = Lockstep(setup, world, council, planner, ExactAdvice(council))
     result = asyncio.run(run.run(lambda _: None))
     alone, _ = fly(planner, None, steps=200)
     assert result["directives"]["assignment_source"] == "exact"
     assert result["directives"]["beta"] == 0
     assert result["accumulated_trace"] < alone["accumulated_trace"]
     assert result["task_llm"]["calls"] == 0
+
+
+def test_a_model_on_this_machine_may_take_longer(planner: Planner) -> None:
+    slow = Latency(20.0, 20.0)
+    hosted, _ = fly(planner, in_process_client(), steps=60, latency=slow)
+    local, _ = fly(planner, in_process_client(), steps=60, latency=slow, manner=PATIENT)
+    assert (hosted["action_llm"]["valid"], local["action_llm"]["valid"]) == (0, 1)
+    assert hosted["action_llm"]["mean_latency_s"] == pytest.approx(8.0)
+    assert local["action_llm"]["mean_latency_s"] == pytest.approx(20.0)
+    assert local["action_llm"]["mean_tokens_in"] < 900, "it is asked briefly"
 
 
 class Unreachable:

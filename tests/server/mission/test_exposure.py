@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from server.mission.core import MissionCore
-from server.mission.downlink import knowledge_for
+from server.mission.downlink import Briefing
 from server.mission.exposure import PriceList
 from server.mission.setup import MissionSetup
 from solver.directives import Pairing, Proposal, Source, Weights
@@ -69,7 +69,7 @@ def test_priced_zones_reach_the_problem_and_the_robots() -> None:
     assert problem.communication.quantiles[0] == 0.0, "its rim is the disc of certain jamming"
     assert problem.communication.margins.tolist() == [0.2] + [0.0] * len(RIMS)
     core.commit(straight_solution(problem))
-    assert knowledge_for(22, core).prices == core.prices != FREE
+    assert Briefing(core).of(22).prices == core.prices != FREE
 
 
 def test_a_new_assignment_has_its_own_prices() -> None:

@@ -9,8 +9,8 @@ from server.scenarios.authors import convert, is_authors
 from server.scenarios.errors import ScenarioError
 from server.scenarios.parts import PlannerPart
 from server.scenarios.schema import Scenario
+from solver.beliefs import MotionModel
 from solver.directives import Pairing, Weights
-from solver.estimation import MotionModel
 from solver.observations import TargetPrior
 from solver.problem import Dynamics, SensorModel
 from solver.zones import ZoneKind

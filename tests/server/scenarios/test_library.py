@@ -20,7 +20,7 @@ EXPERIMENT = Path(__file__).parent / "experiment.yaml"
 
 
 def test_the_scenarios_that_come_with_falconer_are_found() -> None:
-    assert names() == ("ablation", "demo", "four-by-eight", "hardware")
+    assert names() == ("ablation", "demo", "four-by-eight", "hardware", "mixed", "unseen")
     for name in names():
         assert load(name) == named(name)
         assert named(name).name == name
@@ -29,7 +29,9 @@ def test_the_scenarios_that_come_with_falconer_are_found() -> None:
 def test_a_misspelt_name_gets_a_suggestion() -> None:
     with pytest.raises(ScenarioError, match=r'of that name, did you mean "demo"\?'):
         load("dmo")
-    with pytest.raises(ScenarioError, match="there are: ablation, demo, four-by-eight, hardware"):
+    with pytest.raises(
+        ScenarioError, match="there are: ablation, demo, four-by-eight, hardware, mixed, unseen"
+    ):
         load("zzzzz")
 
 

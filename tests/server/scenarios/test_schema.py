@@ -9,8 +9,8 @@ from server.mission.setup import Compat, GateMode
 from server.scenarios.errors import ScenarioError
 from server.scenarios.library import inline
 from server.scenarios.schema import Scenario, schema
+from solver.beliefs import MotionModel
 from solver.directives import Pairing, Source, Weights
-from solver.estimation import MotionModel
 from solver.observations import TargetPrior
 from solver.problem import Dynamics
 from solver.zones import ZoneKind

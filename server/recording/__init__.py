@@ -1,0 +1,1 @@
+"""Recordings: everything that went into a mission core and came out of it, in one MCAP file."""
