@@ -1,19 +1,24 @@
 """What the console shows, kept once for all browsers: the server's state, not the page's.
 
 One task follows the mission that matters (the live one, else the newest) and draws the scene;
-every page only copies from here what has changed.
+every page only copies from here what has changed. What is looked at may be something else
+(`console.looking`): what people act on never is.
 """
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from html import escape
+from functools import partial
 from typing import Any
 
 import structlog
 
-from console import render
+from console.ledger import Ledger
+from console.looking import Looking
 from console.scene import Scene
+from console.viewers import Viewers
+from console.workshop import Workshop
+from server.api.errors import ServiceError
 from server.api.models import MissionInfo
 from server.api.service import MissionService
 
@@ -25,10 +30,38 @@ LOOK_S = 0.3
 PANEL_S = 0.25
 """How often panels change at most."""
 
-EVENTS_SHOWN = 60
-COMMENTS_SHOWN = 40
+CARDS_READ = 1000
+EVENTS_READ = 5000
+"""What is read of a mission that has flown for a while, to know who asked for what."""
 
 Json = dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Facts:
+    """What the panels are drawn from."""
+
+    mission: MissionInfo
+    snapshot: Json | None
+    """The newest message of that mission: what is acted on."""
+
+    picture: Json | None
+    """What is looked at: the same, or an instant that is gone, or another mission."""
+
+    looking: Looking
+    workshop: Workshop
+    service: MissionService
+    """To read from."""
+
+    ledger: Ledger = field(default_factory=Ledger)
+    """Who asked for what stands now."""
+
+
+Draw = Callable[[Facts], dict[str, str]]
+"""Draws pieces of HTML by name, for all browsers. A few milliseconds at most."""
+
+Stand = Callable[["Board"], dict[str, str]]
+"""Draws pieces that are there without a mission, too."""
 
 
 @dataclass(slots=True)
@@ -37,18 +70,42 @@ class Board:
 
     service: MissionService
     open_scene: Callable[[], Scene]
+    workshop: Workshop
+    draws: Sequence[Draw] = ()
+    stands: Sequence[Stand] = ()
+    nothing: Mapping[str, str] = field(default_factory=dict)
+    """What is shown while there is no mission."""
+
     scene: Scene | None = None
+    viewers: Viewers = field(default_factory=Viewers)
+    """Which view of the scene is whose."""
+
+    ledger: Ledger = field(default_factory=Ledger)
+    """Who asked for what in the mission shown."""
+
     mission: MissionInfo | None = None
     snapshot: Json | None = None
     panels: dict[str, str] = field(default_factory=dict)
-    """HTML by panel name."""
+    """What was drawn last: HTML by name."""
 
     version: int = 0
     """Counts changes of `panels`."""
 
+    looking: Looking = field(init=False)
+    _shown: bool = False
+    """Whether somebody has seen the picture that was to be shown last."""
+
     _task: asyncio.Task[None] | None = None
     _rendered_s: float = 0.0
-    _events_seq: int = -1
+    _broken: set[str] = field(default_factory=set)
+
+    def __post_init__(self) -> None:
+        self.looking = Looking(self.service, self._show, lambda: self.snapshot)
+
+    @property
+    def picture(self) -> Json | None:
+        """What is looked at."""
+        return self.looking.picture if self.looking.away else self.snapshot
 
     async def start(self) -> None:
         """Open the scene and begin to follow missions."""
@@ -61,6 +118,8 @@ class Board:
         if self._task is not None:
             self._task.cancel()
             await asyncio.gather(self._task, return_exceptions=True)
+        self.looking.close()
+        await self.workshop.close()
         if self.scene is not None:
             scene, self.scene = self.scene, None
             await asyncio.to_thread(scene.close)
@@ -69,6 +128,7 @@ class Board:
         while True:
             mission = self._choose()
             if mission is None:
+                self.looking.steer(None)
                 self._show_nothing()
                 await asyncio.sleep(LOOK_S)
             else:
@@ -82,10 +142,18 @@ class Board:
     async def _watch(self, mission: MissionInfo) -> None:
         """Show one mission until another one matters."""
         if self.mission is None or self.mission.id != mission.id:
-            self.snapshot, self._events_seq = None, -1
+            self.snapshot, self.ledger = None, Ledger()
+        self.looking.steer(mission)
+        await self._recall(mission)
         async with self.service.subscribe(mission.id) as stream:
+            self.ledger.take(
+                self.service.decisions(mission.id, 0, CARDS_READ),
+                self.service.recent_events(mission.id, EVENTS_READ),
+            )
             while (chosen := self._choose()) is not None and chosen.id == mission.id:
                 self.mission = chosen
+                self.looking.steer(chosen)
+                self._show_again()
                 try:
                     async with asyncio.timeout(LOOK_S):
                         message = await anext(stream)
@@ -96,64 +164,88 @@ class Board:
                     return
                 if message["type"] == "snapshot":
                     self._take(message)
+                else:
+                    self.ledger.note_event(message)
                 self._render()
+
+    async def _recall(self, mission: MissionInfo) -> None:
+        """Have the last picture of a mission that says nothing any more."""
+        try:
+            last = await self.service.hindsight.last(mission.id)
+        except ServiceError as error:
+            log.info("no last picture", mission=mission.id, why=error.message)
+            return
+        if last is not None:
+            self.mission = mission
+            self._take(last)
 
     def _take(self, snapshot: Json) -> None:
         self.snapshot = snapshot
-        if self.scene is not None:
-            self.scene.note(snapshot)
-            if self.scene.watched:
-                self.scene.draw(snapshot)
+        if not self.looking.away:
+            self._show(snapshot)
+
+    def _show(self, picture: Json) -> None:
+        """Draw a picture in the scene, if anybody watches it."""
+        if self.scene is None:
+            return
+        self.scene.note(picture)
+        self._shown = self.scene.watched
+        if self._shown:
+            self.scene.draw(picture)
+
+    def _show_again(self) -> None:
+        """Draw the picture for somebody who came after it."""
+        if not self._shown and self.scene is not None and self.picture is not None:
+            self._shown = self.scene.watched
+            if self._shown:
+                self.scene.draw(self.picture)
 
     def _show_nothing(self) -> None:
-        if self.mission is not None or not self.panels:
-            self.mission, self.snapshot = None, None
-            self._put({"mission": _no_mission()})
+        self.mission, self.snapshot = None, None
+        self._put(dict(self.nothing) | self._standing())
+
+    def _standing(self) -> dict[str, str]:
+        pieces: dict[str, str] = {}
+        for stand in self.stands:
+            pieces |= self._drawn(stand.__qualname__, partial(stand, self))
+        return pieces
 
     def _render(self) -> None:
-        """Render the panels again, not more often than they can be read."""
+        """Draw the panels again, not more often than they can be read."""
         now_s = asyncio.get_running_loop().time()
         if self.mission is None or now_s - self._rendered_s < PANEL_S:
             return
         self._rendered_s = now_s
-        mission, snapshot = self.mission, self.snapshot
-        recent = self.service.recent_events(mission.id, EVENTS_SHOWN)
-        comments = self.service.comments(mission.id)[-COMMENTS_SHOWN:]
-        panels = {
-            "mission": _mission_line(mission),
-            "receipts": render.receipts(comment.model_dump() for comment in comments),
-            "events": render.events(recent),
-        }
-        if snapshot is not None:
-            panels |= {
-                "clock": render.clock(snapshot["time_s"]),
-                "lamps": render.lamps(snapshot),
-                "guidance": render.guidance(snapshot),
-                "figures": render.figures(snapshot),
-                "team": render.team(snapshot),
-                "matrix": render.matrix(snapshot),
-                "assignment_note": render.assignment_note(snapshot),
-                "weights": render.weights(snapshot),
-                "weights_note": render.weights_note(snapshot),
-            }
+        facts = Facts(
+            mission=self.mission,
+            snapshot=self.snapshot,
+            picture=self.picture,
+            looking=self.looking,
+            workshop=self.workshop,
+            service=self.service,
+            ledger=self.ledger,
+        )
+        panels = self._standing()
+        for draw in self.draws:
+            panels |= self._drawn(draw.__qualname__, partial(draw, facts))
         self._put(panels)
+
+    def _drawn(self, name: str, draw: Callable[[], dict[str, str]]) -> dict[str, str]:
+        """Return what one panel draws; a fault in it must not take the others from sight."""
+        try:
+            pieces = draw()
+        except Exception:
+            if name not in self._broken:
+                log.exception("a panel cannot be drawn", panel=name)
+            self._broken.add(name)
+            return {}
+        self._broken.discard(name)
+        return pieces
 
     def _put(self, panels: dict[str, str]) -> None:
         if panels != self.panels:
             self.panels = panels
             self.version += 1
-
-
-def _mission_line(mission: MissionInfo) -> str:
-    return (
-        f"<b>{escape(mission.scenario)}</b>"
-        f'<span class="chip {mission.state}">{mission.state.value}</span>'
-        f"<small>{escape(mission.id)} · {escape(mission.llm)}</small>"
-    )
-
-
-def _no_mission() -> str:
-    return "<b>No mission</b><small>Create one by the API or by falconer run.</small>"
 
 
 def _report(task: asyncio.Task[None]) -> None:

@@ -35,12 +35,17 @@ class Signs:
         wxyzs: ArrayLike,
         scales: ArrayLike,
         colours: Sequence[Colour],
+        opacities: Sequence[float] | None = None,
     ) -> None:
-        """Show N signs at positions (N, 3), turned by wxyzs (N, 4), sized scales (N, 3)."""
+        """Show N signs at positions (N, 3), turned by wxyzs (N, 4), sized scales (N, 3).
+
+        `opacities` are each sign's own; left out, all have that of the layer.
+        """
         places = np.asarray(positions, dtype=np.float32).reshape(-1, 3)
         turns = np.asarray(wxyzs, dtype=np.float32).reshape(-1, 4)
         sizes = np.asarray(scales, dtype=np.float32).reshape(-1, 3)
         wanted = tuple(colours)
+        veils = None if opacities is None else np.asarray(opacities, dtype=np.float32)
         if self._handle is not None and len(wanted) != len(self._colours):
             self.clear()
         if not wanted:
@@ -54,6 +59,9 @@ class Signs:
                 places,
                 batched_scales=sizes,
                 batched_colors=linear(wanted),
+                batched_opacities=None
+                if opacities is None
+                else np.asarray(opacities, dtype=np.float32),
                 opacity=None if self._opacity >= 1.0 else self._opacity,
                 lod="off",
                 side="double",
@@ -65,6 +73,8 @@ class Signs:
             self._handle.batched_positions = places
             self._handle.batched_wxyzs = turns
             self._handle.batched_scales = sizes
+            if veils is not None:
+                self._handle.batched_opacities = veils
             if wanted != self._colours:
                 self._handle.batched_colors = linear(wanted)
         self._colours = wanted
@@ -130,7 +140,7 @@ class Labels:
                     text,
                     position=position,
                     font_screen_scale=0.85,
-                    anchor="bottom-center",
+                    anchor="center-center",
                 )
                 continue
             handle.position = position

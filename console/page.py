@@ -1,65 +1,122 @@
-"""The one page at `/`: bar, scene, supervision, team, assignment, weights, events.
+"""The one page at `/`: its frame, and where each panel is mounted.
 
-NiceGUI builds it and carries panel changes to each browser. Hold, pause and resume go from the
-browser straight to REST (static/console.js), so that stopping needs nothing else to work.
+NiceGUI builds it and carries changes to each browser. Hold, pause and resume go from the browser
+straight to REST (static/console.js), so that stopping needs nothing else to work.
 """
 
 import json
 from pathlib import Path
 from typing import Final
 
+import structlog
 from fastapi import FastAPI
 from nicegui import app as nicegui_app
 from nicegui import ui
+from starlette.requests import Request
 from starlette.staticfiles import StaticFiles
 
-from console import render
 from console.board import Board
+from console.panel import Desk, Panel, Tab, Tabs
+from console.panels.alarms import AlarmLampPanel, AlarmsPanel
+from console.panels.approvals import ApprovalsPanel
+from console.panels.assignment import AssignmentPanel
+from console.panels.bar import NO_MISSION, GuidancePanel, LampsPanel, MissionPanel
+from console.panels.decisions import DecisionsPanel
+from console.panels.events import EventsPanel
+from console.panels.experiments import ExperimentsPanel
+from console.panels.figures import AbsencePanel, FiguresPanel
+from console.panels.library import MissionsPanel, RecordingsPanel
+from console.panels.supervise import SupervisePanel
+from console.panels.team import TeamPanel
+from console.panels.timeline import LookPanel, TimelinePanel
+from console.panels.view import ViewPanel
+from console.panels.weights import WeightsPanel
+from console.panels.whatif import WhatIfPanel
+from console.panels.zones import ZonesPanel
 from console.proxy import add_scene_routes
 from console.scene import open_scene
-from server.api.errors import ServiceError
-from server.api.models import MAX_COMMENT_CHARACTERS
+from console.workshop import Workshop
+from server.api.identity import identity_of
 from server.api.service import MissionService
+
+log = structlog.get_logger(__name__)
+
+# ---------------------------------------------------------------- where panels are mounted
+# An area without panels is not built.
+
+BAR: tuple[type[Panel], ...] = (MissionPanel, AlarmLampPanel, LampsPanel, GuidancePanel)
+STAGE: tuple[type[Panel], ...] = (FiguresPanel, AbsencePanel, ViewPanel, LookPanel)
+STRIP: tuple[type[Panel], ...] = (TimelinePanel,)
+DECK: tuple[Tabs, ...] = (
+    Tabs("team", (Tab("Team", (TeamPanel,)),)),
+    Tabs("assignment", (Tab("Assignment", (AssignmentPanel,)),)),
+    Tabs("limits", (Tab("Weights", (WeightsPanel,)), Tab("Zones", (ZonesPanel,)))),
+)
+ASIDE: Tabs = Tabs(
+    "aside",
+    (
+        Tab("Supervise", (ApprovalsPanel, SupervisePanel)),
+        Tab("Decisions", (DecisionsPanel,)),
+        Tab("Alarms", (AlarmsPanel,)),
+        Tab("Events", (EventsPanel,)),
+        Tab("Library", (MissionsPanel, RecordingsPanel, WhatIfPanel, ExperimentsPanel)),
+    ),
+)
+PANELS: Final[tuple[type[Panel], ...]] = (
+    *BAR,
+    *STAGE,
+    *STRIP,
+    *(panel for tabs in (*DECK, ASIDE) for panel in tabs.panels()),
+)
 
 STATIC: Final = Path(__file__).parent / "static"
 REFRESH_S: Final = 0.25
-AUTHOR: Final = "operator"
-
-HEAD = """
-<link rel="stylesheet" href="/console/console.css">
-<link rel="icon" href="/console/falcon.svg" type="image/svg+xml">
-<script src="/console/theme.js"></script>
-<script src="/console/console.js" defer></script>
-"""
 
 SCENE = """
-<iframe id="scene" src="/scene/" title="The team in three dimensions"></iframe>
+<iframe id="scene" src="/scene/{view}/" title="The team in three dimensions"></iframe>
 <div class="legend" aria-hidden="true">
   <span><i class="sensing"></i>sensing zone</span>
   <span><i class="communication"></i>communication zone</span>
+  <span><i class="cloud"></i>inferred</span>
   <span><i class="undiscovered"></i>undiscovered</span>
   <span><i class="ellipse"></i>target, 2σ</span>
+  <span><i class="waypoint"></i>way-point</span>
 </div>
 """
 
+THEME = (
+    '<button type="button" class="plain icon" data-theme-toggle title="Light or dark"'
+    ' aria-label="Light or dark">◐</button>'
+)
+
 STEERING = """
-<button class="plain" data-steer="resume" title="Go on (R)">Resume</button>
-<button class="hold" data-steer="hold" title="Stop every vehicle now (Space)">
+<button type="button" class="plain" data-steer="resume" title="Go on (R)">Resume</button>
+<button type="button" class="hold" data-steer="hold" title="Stop every vehicle now (Space)">
   Hold all<kbd>Space</kbd></button>
 """
 
 
 def mount(app: FastAPI, service: MissionService) -> None:
     """Put the console on an application: the page, the scene and their files."""
-    board = Board(service, open_scene)
+    board = Board(
+        service,
+        open_scene,
+        Workshop(lambda: app.state.archive, lambda: app.state.laboratory),
+        draws=[panel.draw for panel in PANELS],
+        stands=[panel.stand for panel in PANELS],
+        nothing={"mission": NO_MISSION},
+    )
     app.mount("/console", StaticFiles(directory=STATIC), name="console")
-    add_scene_routes(app, lambda: board.scene)
+    add_scene_routes(app, lambda: board.scene, board.viewers)
     nicegui_app.on_startup(board.start)
     nicegui_app.on_shutdown(board.stop)
 
     @ui.page("/", title="Falconer")
-    def console_page() -> None:
-        Page(board).build()
+    def console_page(request: Request) -> None:
+        identity = identity_of(request)
+        page = Page(Desk(board, identity, board.viewers.enter(identity)))
+        ui.context.client.on_delete(page.close)
+        page.build()
 
     ui.run_with(
         app,
@@ -70,132 +127,80 @@ def mount(app: FastAPI, service: MissionService) -> None:
     )
 
 
+def head() -> str:
+    """Return what the page's head links: our own files and those of the panels."""
+    styles = dict.fromkeys(["console.css", *(name for p in PANELS for name in p.styles)])
+    scripts = dict.fromkeys(["console.js", *(name for p in PANELS for name in p.scripts)])
+    lines = [f'<link rel="stylesheet" href="/console/{name}">' for name in styles]
+    lines.append('<link rel="icon" href="/console/falcon.svg" type="image/svg+xml">')
+    lines.append('<script src="/console/theme.js"></script>')
+    lines += [f'<script src="/console/{name}" defer></script>' for name in scripts]
+    return "\n".join(lines)
+
+
 class Page:
     """One browser's page. It holds nothing of its own but what it last showed."""
 
-    def __init__(self, board: Board) -> None:
-        self._board = board
-        self._panels: dict[str, ui.html] = {}
+    def __init__(self, desk: Desk) -> None:
+        self._desk = desk
+        self._panels: list[Panel] = []
         self._version = -1
-        self._suggested: list[str] = []
 
     def build(self) -> None:
         """Build the page's elements; they fill themselves from the board."""
-        ui.add_head_html(HEAD)
-        with ui.element("div").classes("console").props('id="console"'):
-            self._bar()
+        ui.add_head_html(head())
+        frame = ui.element("div").classes("console").props("id=console")
+        frame.props["data-mission"], frame.props["data-state"] = self._shown()
+        frame.props["data-role"] = self._desk.identity.role.value
+        with frame:
+            with ui.element("header").classes("bar"):
+                ui.html('<span class="brand">Falconer</span>', sanitize=False)
+                self._mount(BAR)
+                ui.html(THEME, sanitize=False)
+                ui.html(STEERING, sanitize=False).classes("steering")
             with ui.element("main"):
                 with ui.element("section").classes("stage").props('aria-label="Scene"'):
-                    ui.html(SCENE, sanitize=False).classes("scene")
-                    self._panel("figures", "figures")
-                with ui.element("div").classes("tables"):
-                    self._card("Team", "team")
-                    self._card("Assignment", "matrix", note="assignment_note")
-                    self._card("Weights", "weights", note="weights_note")
+                    ui.html(SCENE.format(view=self._desk.view), sanitize=False).classes("scene")
+                    self._mount(STAGE)
+                if STRIP:
+                    with ui.element("section").classes("strip card"):
+                        self._mount(STRIP)
+                with ui.element("div").classes("deck"):
+                    for tabs in DECK:
+                        self._panels += tabs.build(self._desk)
             with ui.element("aside"):
-                self._supervise()
-                self._card("Events", "events")
+                self._panels += ASIDE.build(self._desk)
         ui.html("", sanitize=False).classes("notice").props('id="notice" role="alert"')
         self._refresh()
         ui.timer(REFRESH_S, self._refresh)
 
-    def _bar(self) -> None:
-        with ui.element("header").classes("bar"):
-            ui.html('<span class="brand">Falconer</span>', sanitize=False)
-            self._panel("mission", "mission")
-            self._panel("clock", "clock")
-            self._panel("lamps", "lamps")
-            self._panel("guidance", "ladder")
-            ui.html(
-                '<button class="plain icon" data-theme-toggle title="Light or dark"'
-                ' aria-label="Light or dark">◐</button>',
-                sanitize=False,
-            )
-            ui.html(STEERING, sanitize=False).classes("steering")
+    def close(self) -> None:
+        """Let go of what the page held: the browser is gone."""
+        for panel in self._panels:
+            panel.close()
+        self._desk.board.viewers.leave(self._desk.view)
 
-    def _supervise(self) -> None:
-        with ui.element("section").classes("card supervise"):
-            ui.html("<h2>Supervise</h2>", sanitize=False)
-            with ui.element("div").classes("write"):
-                self._text = (
-                    ui.textarea(placeholder="Tell the models what matters, in plain words")
-                    .props(
-                        f'borderless autogrow maxlength="{MAX_COMMENT_CHARACTERS}"'
-                        ' input-class="comment-box" aria-label="Comment"'
-                    )
-                    .classes("text")
-                    .on("keydown.enter.exact.prevent", self._send)
-                )
-                ui.button("Send", on_click=self._send, color=None).props(
-                    "unelevated no-caps"
-                ).classes("send")
-            self._chips = ui.element("div").classes("chips")
-            self._panel("receipts", "scroll receipts")
-
-    def _card(self, title: str, panel: str, note: str | None = None) -> None:
-        with ui.element("section").classes(f"card {panel}-card"):
-            with ui.element("div").classes("card-head"):
-                ui.html(f"<h2>{title}</h2>", sanitize=False)
-                if note is not None:
-                    self._panel(note, "note")
-            self._panel(panel, f"scroll {panel}")
-
-    def _panel(self, name: str, classes: str) -> None:
-        panel = ui.html(self._board.panels.get(name, ""), sanitize=False).classes(classes)
-        self._panels[name] = panel
+    def _mount(self, kinds: tuple[type[Panel], ...]) -> None:
+        for kind in kinds:
+            panel = kind(self._desk)
+            panel.build()
+            self._panels.append(panel)
 
     def _refresh(self) -> None:
-        """Copy what has changed; NiceGUI sends only that."""
-        if self._version == self._board.version:
+        """Let every panel copy what has changed; NiceGUI sends only that."""
+        board = self._desk.board
+        if self._version == board.version:
             return
-        self._version = self._board.version
-        for name, panel in self._panels.items():
-            content = self._board.panels.get(name, "")
-            if panel.content != content:
-                panel.set_content(content)
-        mission = self._board.mission
-        name = "" if mission is None else mission.id
-        state = "" if mission is None else mission.state.value
+        self._version = board.version
+        for panel in self._panels:
+            try:
+                panel.refresh()
+            except Exception:  # a fault in one panel must not take the others from sight
+                log.exception("a panel cannot be refreshed", panel=type(panel).__qualname__)
+        name, state = self._shown()
         ui.run_javascript(f"falconer.show({json.dumps(name)}, {json.dumps(state)})")
-        self._suggest()
 
-    def _suggest(self) -> None:
-        """Offer sentences; new ones only when they differ, so that none moves under a finger."""
-        wanted = render.suggestions(self._board.snapshot)
-        if not self._suggested and wanted:
-            self._offer(wanted)
-
-    def _offer(self, sentences: list[str]) -> None:
-        self._suggested = sentences
-        self._chips.clear()
-        with self._chips:
-            for sentence in sentences:
-                ui.button(sentence, on_click=lambda _, s=sentence: self._take(s), color=None).props(
-                    "flat no-caps dense"
-                ).classes("chip-button")
-
-    def _take(self, sentence: str) -> None:
-        self._text.set_value(sentence)
-        self._text.run_method("focus")
-
-    async def _send(self) -> None:
-        """Give the comment to the mission; on refusal it stays in the box."""
-        text = (self._text.value or "").strip()
-        mission = self._board.mission
-        if not text:
-            return
-        if mission is None:
-            _tell("There is no mission to comment on.")
-            return
-        try:
-            await self._board.service.comment(mission.id, text, AUTHOR)
-        except ServiceError as error:
-            _tell(error.message)
-            return
-        self._text.set_value("")
-        self._offer(render.suggestions(self._board.snapshot))
-
-
-def _tell(words: str) -> None:
-    """Show a notice in this browser."""
-    ui.run_javascript(f"falconer.tell({json.dumps(words)})")
+    def _shown(self) -> tuple[str, str]:
+        """Return the id and state of the mission shown, for what the browser does on its own."""
+        mission = self._desk.board.mission
+        return ("", "") if mission is None else (mission.id, mission.state.value)

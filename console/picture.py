@@ -7,9 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from console.clouds import SHELL_OPACITY, SHELLS, cloud_shells, is_inferred, percent
+from console.labels import Label
 from console.shapes import Floats, ellipses, headings, level
 
 Colour = tuple[int, int, int]
+Point3 = tuple[float, float, float]
 Json = dict[str, Any]
 
 # Middle tones: the same scene stands before a light and a dark page.
@@ -22,15 +25,20 @@ COASTING: Colour = (208, 146, 38)
 SENSING: Colour = (206, 66, 56)
 COMMUNICATION: Colour = (58, 112, 214)
 UNDISCOVERED: Colour = (128, 132, 138)
-WAYPOINT: Colour = (104, 132, 158)
+WAYPOINT: Colour = (150, 96, 190)
 TRUTH: Colour = (150, 150, 150)
 FIELD: Colour = (122, 130, 138)
+LEADER: Colour = (122, 130, 138)
 
 ZONE_COLOURS = {"sensing": SENSING, "communication": COMMUNICATION}
 TRAIL_S = 12.0
 TRAIL_STEP_S = 0.4
-MAX_LABELS = 100
-"""More would hide the scene and cost a message each."""
+TRAIL_GAP_S = 5.0
+"""Places farther apart in time are not joined: nobody knows the way between."""
+AHEAD_S = 6.0
+"""So far ahead the path of a target is shown."""
+
+DASHES = 6
 
 
 @dataclass(slots=True)
@@ -41,6 +49,8 @@ class SignData:
     wxyzs: Floats
     scales: Floats
     colours: list[Colour]
+    opacities: list[float] | None = None
+    """Each sign's own, where it is not that of all."""
 
 
 @dataclass(slots=True)
@@ -51,9 +61,6 @@ class LineData:
     colours: list[Colour]
 
 
-Label = tuple[str, tuple[float, float, float]]
-
-
 @dataclass(slots=True)
 class Trails:
     """Where each robot was in the last seconds."""
@@ -62,9 +69,9 @@ class Trails:
     _last_s: float = -np.inf
 
     def note(self, snapshot: Json) -> None:
-        """Take the robots' places if the last ones are old enough; time going back clears."""
+        """Take the robots' places if the last ones are old enough; a jump in time clears."""
         now_s = snapshot["time_s"]
-        if now_s < self._last_s:
+        if now_s < self._last_s or now_s > self._last_s + TRAIL_GAP_S:
             self._points.clear()
             self._last_s = -np.inf
         if now_s - self._last_s < TRAIL_STEP_S - 1e-6:
@@ -146,12 +153,19 @@ def stalks(snapshot: Json) -> LineData:
 
 def waypoints(snapshot: Json) -> SignData:
     """Return the way-points of the robots that are flown."""
-    flown = [r for r in snapshot["robots"] if r["link"] == "connected" and r["waypoint"]]
+    flown = _flown(snapshot)
     positions = np.array([r["waypoint"] for r in flown], dtype=float).reshape(-1, 3)
-    size = 0.13 * sign_scale(snapshot)
+    size = 0.26 * sign_scale(snapshot)
     return SignData(
         positions, level(len(flown)), np.full((len(flown), 3), size), [WAYPOINT] * len(flown)
     )
+
+
+def waypoint_lines(snapshot: Json) -> LineData:
+    """Return a line from each robot that is flown to its way-point."""
+    flown = [r for r in _flown(snapshot) if r["position"] is not None]
+    ends = np.array([[r["position"], r["waypoint"]] for r in flown], dtype=float)
+    return LineData(ends.reshape(-1, 2, 3), [WAYPOINT] * len(flown))
 
 
 def targets(snapshot: Json) -> SignData:
@@ -181,21 +195,49 @@ def uncertainties(snapshot: Json) -> SignData:
     )
 
 
+def predicted_paths(snapshot: Json) -> LineData:
+    """Return where the targets go if they keep their estimated velocity, as dashes."""
+    seen = [t for t in _placed(snapshot["targets"]) if t["velocity"] is not None]
+    places = np.array([t["position"] for t in seen], dtype=float).reshape(-1, 2)
+    reach = AHEAD_S * np.array([t["velocity"] for t in seen], dtype=float).reshape(-1, 2)
+    shown = np.hypot(reach[:, 0], reach[:, 1]) > 0.3 * sign_scale(snapshot)
+    shares = np.arange(DASHES)[:, None] + np.array([0.35, 1.0])  # (DASHES, 2)
+    points = (
+        places[shown][:, None, None, :]
+        + (shares / DASHES)[None, :, :, None] * reach[shown][:, None, None, :]
+    ).reshape(-1, 2, 2)
+    heights = np.full((len(points), 2, 1), 0.04)
+    colours = [_target_colour(t) for t, on in zip(seen, shown, strict=True) if on]
+    return LineData(
+        np.concatenate([points, heights], axis=2), [c for c in colours for _ in range(DASHES)]
+    )
+
+
 def assignment_lines(snapshot: Json) -> LineData:
-    """Return a line from every robot to each of its targets."""
-    places = {t["id"]: t["position"] for t in _placed(snapshot["targets"])}
-    points, colours = [], []
-    for robot in _placed(snapshot["robots"]):
-        for target_id in snapshot["directives"]["assignment"].get(str(robot["id"]), ()):
-            if target_id in places:
-                points.append([robot["position"], [*places[target_id], 0.05]])
-                colours.append(TARGET if robot_state(robot) == "ok" else robot_colour(robot))
-    return LineData(np.array(points, dtype=float).reshape(-1, 2, 3), colours)
+    """Return a line from every robot to each of its targets that is not pinned."""
+    return _pair_lines(snapshot, _assigned(snapshot) - _pinned(snapshot))
+
+
+def pinned_lines(snapshot: Json) -> LineData:
+    """Return a line for every assigned pair that a person keeps together."""
+    return _pair_lines(snapshot, _assigned(snapshot) & _pinned(snapshot))
+
+
+def pins(snapshot: Json) -> SignData:
+    """Return a mark in the middle of each line that is pinned."""
+    lines = pinned_lines(snapshot)
+    size = 0.16 * sign_scale(snapshot)
+    return SignData(
+        lines.points.mean(axis=1),
+        level(len(lines.points)),
+        np.full((len(lines.points), 3), size),
+        lines.colours,
+    )
 
 
 def zones(snapshot: Json) -> SignData:
-    """Return the known zones as discs out to where they repel."""
-    known = snapshot["zones"]
+    """Return the zones that are known for certain as discs out to where they repel."""
+    known = [z for z in snapshot["zones"] if not is_inferred(z)]
     _, angles = ellipses([z["covariance"] for z in known])
     axes = np.array([z["keep_out_axes_m"] for z in known], dtype=float).reshape(-1, 2)
     return SignData(
@@ -206,9 +248,22 @@ def zones(snapshot: Json) -> SignData:
     )
 
 
+def clouds(snapshot: Json) -> SignData:
+    """Return the inferred zones as clouds, the denser the surer (`console.clouds`)."""
+    found = [z for z in snapshot["zones"] if is_inferred(z)]
+    positions, wxyzs, scales = cloud_shells(found)
+    return SignData(
+        positions,
+        wxyzs,
+        scales,
+        [ZONE_COLOURS[z["kind"]] for z in found for _ in range(SHELLS)],
+        [SHELL_OPACITY * z["confidence"] for z in found for _ in range(SHELLS)],
+    )
+
+
 def undiscovered(snapshot: Json) -> SignData:
-    """Return the zones of a simulated world that nobody knows yet, out to 2 sigma."""
-    known = {z["id"] for z in snapshot["zones"]}
+    """Return the zones of a simulated world that nobody has been shown, out to 2 sigma."""
+    known = {z["id"] for z in snapshot["zones"] if not is_inferred(z)}
     truth = snapshot["truth"] or {"zones": []}
     hidden = [z for z in truth["zones"] if z["id"] not in known]
     axes, angles = ellipses([z["covariance"] for z in hidden])
@@ -233,23 +288,27 @@ def true_targets(snapshot: Json) -> SignData:
     )
 
 
-def labels(snapshot: Json) -> dict[str, Label]:
-    """Return words for robots, targets and known zones; none where there are too many."""
-    found: dict[str, Label] = {}
-    lift = 0.6 * sign_scale(snapshot)
+def leader_lines(ends: list[tuple[Point3, Point3]]) -> LineData:
+    """Return the thin lines that lead to labels which stand away from their things."""
+    return LineData(np.array(ends, dtype=float).reshape(-1, 2, 3), [LEADER] * len(ends))
+
+
+def labels(snapshot: Json) -> list[Label]:
+    """Return the names of robots, targets and known zones, each where its thing is."""
+    found = []
     for robot in _placed(snapshot["robots"]):
-        x, y, z = robot["position"]
         state = robot_state(robot)
         name = f"D{robot['id']}"
-        text = name if state == "ok" else f"{name} {state}"
-        found[f"r{robot['id']}"] = (text, (x, y, z + lift))
+        text, rank = (name, 1) if state == "ok" else (f"{name} {state}", 0)
+        found.append(Label(f"r{robot['id']}", text, tuple(robot["position"]), rank))
     for target in _placed(snapshot["targets"]):
         x, y = target["position"]
-        found[f"t{target['id']}"] = (f"T{target['id']}", (x, y, 0.7 * lift))
+        found.append(Label(f"t{target['id']}", f"T{target['id']}", (x, y, 0.1), 2))
     for zone in snapshot["zones"]:
         x, y = zone["mean"]
-        found[f"z{zone['id']}"] = (zone["id"], (x, y, 0.1))
-    return found if len(found) <= MAX_LABELS else {}
+        sure = f" {percent(zone['confidence'])}" if is_inferred(zone) else ""
+        found.append(Label(f"z{zone['id']}", f"{zone['id']}{sure}", (x, y, 0.05), 3))
+    return found
 
 
 def field_grid(snapshot: Json) -> LineData:
@@ -263,22 +322,46 @@ def field_grid(snapshot: Json) -> LineData:
     return LineData(np.array(points, dtype=float), [FIELD] * len(points))
 
 
-Point3 = tuple[float, float, float]
-
-
-def camera(snapshot: Json) -> tuple[Point3, Point3]:
-    """Return where a new viewer stands and what it looks at: from the south, from above."""
-    (x0, y0), (x1, y1) = snapshot["field"]["lower"], snapshot["field"]["upper"]
-    x, y = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
-    away = max(0.54 * (x1 - x0), 0.84 * (y1 - y0))
-    aim = y - 0.06 * (y1 - y0)
-    return (x, aim - 0.72 * away, 0.92 * away), (x, aim, 0.0)
-
-
 def _round_step(length: float) -> float:
     """Return the nearest of 1, 2, 5 times a power of ten at or above a length."""
     power = 10.0 ** np.floor(np.log10(length))
     return float(next(m * power for m in (1.0, 2.0, 5.0, 10.0) if m * power >= length))
+
+
+def team_centre(snapshot: Json) -> tuple[float, float] | None:
+    """Return the middle of the robots' places, None while none is known."""
+    places = [robot["position"][:2] for robot in _placed(snapshot["robots"])]
+    if not places:
+        return None
+    x, y = np.mean(np.array(places, dtype=float), axis=0)
+    return float(x), float(y)
+
+
+def _flown(snapshot: Json) -> list[Json]:
+    return [r for r in snapshot["robots"] if r["link"] == "connected" and r["waypoint"]]
+
+
+def _assigned(snapshot: Json) -> set[tuple[int, int]]:
+    assignment = snapshot["directives"]["assignment"]
+    return {(int(robot), target) for robot, targets in assignment.items() for target in targets}
+
+
+def _pinned(snapshot: Json) -> set[tuple[int, int]]:
+    pins = snapshot["directives"]["pins"]
+    return {(pin["robot"], pin["target"]) for pin in pins if not pin["forbids"]}
+
+
+def _pair_lines(snapshot: Json, pairs: set[tuple[int, int]]) -> LineData:
+    """Return a line for each pair whose places are known, in the colour of the robot's state."""
+    places = {t["id"]: t["position"] for t in _placed(snapshot["targets"])}
+    robots = {r["id"]: r for r in _placed(snapshot["robots"])}
+    points, colours = [], []
+    for robot_id, target_id in sorted(pairs):
+        if robot_id in robots and target_id in places:
+            robot = robots[robot_id]
+            points.append([robot["position"], [*places[target_id], 0.05]])
+            colours.append(TARGET if robot_state(robot) == "ok" else robot_colour(robot))
+    return LineData(np.array(points, dtype=float).reshape(-1, 2, 3), colours)
 
 
 def _placed(things: Iterable[Json]) -> list[Json]:

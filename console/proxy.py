@@ -19,7 +19,9 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidHandshake
 from websockets.typing import Subprotocol
 
-from console.scene import SECRET_HEADER, Scene
+from console.scene import SECRET_HEADER, VIEWER_HEADER, Scene
+from console.viewers import NOBODY, Viewers
+from server.api.identity import identity_of
 
 log = structlog.get_logger(__name__)
 
@@ -39,8 +41,12 @@ html, body, #root, #root div:has(> div > [data-dock-root]) { background: transpa
 </style>"""
 
 
-def add_scene_routes(app: FastAPI, scene: Callable[[], Scene | None]) -> None:
-    """Serve the scene's page and pass its WebSocket through."""
+def add_scene_routes(app: FastAPI, scene: Callable[[], Scene | None], viewers: Viewers) -> None:
+    """Serve the scene's page and pass its WebSocket through.
+
+    Below `/scene/PAGE/` it is the view of one page of the console, below `/scene/` nobody's.
+    viser's own script takes the WebSocket's address from that of its page.
+    """
     page = PAGE.read_bytes().replace(b"</head>", HOUSE_STYLE.encode() + b"</head>", 1)
     packed = gzip.compress(page, 6)
 
@@ -56,19 +62,22 @@ def add_scene_routes(app: FastAPI, scene: Callable[[], Scene | None]) -> None:
         if shown is None or protocol is None:
             await websocket.close(CLOSE_TRY_LATER, "the scene is not there")
             return
-        await _bridge(websocket, shown, protocol)
+        page = websocket.path_params.get("page", NOBODY)
+        view = viewers.name_for(page, identity_of(websocket))
+        await _bridge(websocket, shown, protocol, view)
 
-    app.add_route("/scene/", serve_page, methods=["GET"], include_in_schema=False)
-    app.add_api_websocket_route("/scene", pass_through)
-    app.add_api_websocket_route("/scene/", pass_through)
+    for path in ("/scene/", "/scene/{page}/"):
+        app.add_route(path, serve_page, methods=["GET"], include_in_schema=False)
+        app.add_api_websocket_route(path.rstrip("/"), pass_through)
+        app.add_api_websocket_route(path, pass_through)
 
 
-async def _bridge(websocket: WebSocket, scene: Scene, protocol: str) -> None:
-    """Carry messages both ways until either side ends."""
+async def _bridge(websocket: WebSocket, scene: Scene, protocol: str, view: str) -> None:
+    """Carry messages both ways until either side ends; `view` names the page it belongs to."""
     upstream = connect(
         f"ws://127.0.0.1:{scene.port}/",
         subprotocols=[Subprotocol(protocol)],
-        additional_headers={SECRET_HEADER: scene.secret},
+        additional_headers={SECRET_HEADER: scene.secret, VIEWER_HEADER: view},
         compression=None,
         max_size=None,
         proxy=None,

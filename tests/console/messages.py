@@ -11,6 +11,7 @@ from tests.server.scripted import (
     LOWER,
     TARGETS,
     UPPER,
+    ZONE_DEFAULTS,
     loop_reports,
     snapshot,
 )
@@ -27,6 +28,8 @@ def message(time_s: float = 30.0, **changes: Any) -> dict[str, Any]:
         loops=loop_reports(time_s),
         field=FIELD,
         weight_bounds=(LOWER, UPPER),
+        severity_bounds=(1.0, 5.0),
+        zone_defaults=ZONE_DEFAULTS,
         attacks={ZoneKind.SENSING: 3, ZoneKind.COMMUNICATION: 1},
         truth=truth_object({}, places, (*FOUND, *HIDDEN)),
     )

@@ -1,12 +1,13 @@
 """The console in a real headless Chromium, over a scripted mission."""
 
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import httpx
 import pytest
@@ -15,55 +16,14 @@ from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 from websockets.typing import Origin
 
-pytestmark = [pytest.mark.browser, pytest.mark.process, pytest.mark.timeout(120)]
+from tests.console.flow import FOCUS, MANY_COLOURS, TIMEOUT_MS, listen
+from tests.console.looks import ARGUMENTS, OVERLAPS
 
-ARGUMENTS = [
-    "--no-sandbox",
-    "--use-gl=angle",
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
-    "--disable-background-networking",
-]
-FOCUS = "The Drone 21 should focus on tracking target 122."
-TIMEOUT_MS = 30_000
-
-OVERLAPS = """
-() => {
-  const cards = [...document.querySelectorAll(".console > .bar, .stage, .card")];
-  const boxes = cards.map((card) => [card.className, card.getBoundingClientRect()]);
-  const found = [];
-  for (const [i, [a, p]] of boxes.entries()) {
-    if (p.left < 0 || p.top < 0 || p.right > innerWidth + 1 || p.bottom > innerHeight + 1)
-      found.push(`${a} leaves the window`);
-    for (const [b, q] of boxes.slice(i + 1)) {
-      const beside = p.left > q.right - 1 || q.left > p.right - 1;
-      const above = p.top > q.bottom - 1 || q.top > p.bottom - 1;
-      if (!beside && !above) found.push(`${a} overlaps ${b}`);
-    }
-  }
-  const bar = [...document.querySelectorAll(".bar > *")].map((e) => e.getBoundingClientRect());
-  for (let i = 1; i < bar.length; i++)
-    if (bar[i].width && bar[i].left < bar[i - 1].right - 1) found.push(`bar item ${i} overlaps`);
-  return found;
-}
-"""
+pytestmark = [pytest.mark.browser, pytest.mark.process]
 
 
-MANY_COLOURS = """
-() => {
-  const scene = document.getElementById("scene").contentDocument;
-  const canvas = [...scene.querySelectorAll("canvas")].find((c) => c.dataset.engine);
-  if (!canvas) return false;
-  const copy = document.createElement("canvas");
-  copy.width = copy.height = 64;
-  const pen = copy.getContext("2d");
-  pen.drawImage(canvas, 0, 0, 64, 64);
-  const pixels = pen.getImageData(0, 0, 64, 64).data;
-  const seen = new Set();
-  for (let i = 0; i < pixels.length; i += 4)
-    if (pixels[i + 3] > 40) seen.add([...pixels.slice(i, i + 3)].map((c) => c >> 5).join());
-  return seen.size > 8;
-}
+TAKES_CLICKS = """
+() => document.getElementById("scene").contentWindow.__viserPointer?.hasSceneClickFilter()
 """
 
 
@@ -100,30 +60,16 @@ class Visit:
     """One browser window on the console, and what went wrong in it."""
 
     page: Page
-    trouble: list[str] = field(default_factory=list)
+    trouble: list[str]
 
 
 def visit(context: BrowserContext, address: str, scene: Literal["drawn", "blank"]) -> Visit:
     """Open the console. Software rendering takes seconds: only tests of the scene draw it."""
     page = context.new_page()
     if scene == "blank":
-        page.route("**/scene/", lambda route: route.fulfill(body="", content_type="text/html"))
+        page.route("**/scene/*/", lambda route: route.fulfill(body="", content_type="text/html"))
     page.set_default_timeout(TIMEOUT_MS)
-    found = Visit(page)
-    own = (address, address.replace("http", "ws"), "data:", "blob:")
-    page.on(
-        "console",
-        lambda said: found.trouble.append(said.text) if said.type == "error" else None,
-    )
-    page.on("pageerror", lambda error: found.trouble.append(str(error)))
-    page.on(
-        "request",
-        lambda asked: (
-            found.trouble.append(f"request to {asked.url}")
-            if not asked.url.startswith(own)
-            else None
-        ),
-    )
+    found = Visit(page, listen(page, address))
     page.goto(address)
     expect(page.locator(".team tbody tr")).to_have_count(4, timeout=TIMEOUT_MS)
     return found
@@ -179,7 +125,7 @@ def test_mission_time_goes_on_and_the_lamps_are_lit(console: Visit) -> None:
     clock = console.page.locator(".clock")
     before = clock.inner_text()
     expect(clock).not_to_have_text(before, timeout=TIMEOUT_MS)
-    expect(console.page.locator(".lamp")).to_have_count(3)
+    expect(console.page.locator(".lamps .lamp")).to_have_count(3)
     shown(console, ".mission", "scripted")
 
 
@@ -219,7 +165,7 @@ def test_the_scene_is_drawn_and_space_holds_even_from_within_it(
     """The canvas shows many colours, and nothing of the viewer's own furniture."""
     with window(browser, address, "drawn") as visited:
         page = visited.page
-        page.wait_for_function(MANY_COLOURS, timeout=60_000)
+        page.wait_for_function(MANY_COLOURS, timeout=TIMEOUT_MS)
         expect(page.frame_locator("#scene").locator("[data-floating-window]")).to_be_hidden()
         page.click("#scene", position={"x": 40, "y": 40})
         page.keyboard.press("Space")
@@ -228,6 +174,97 @@ def test_the_scene_is_drawn_and_space_holds_even_from_within_it(
         page.keyboard.press("r")
         shown(visited, ".mission .chip", "running")
         assert visited.trouble == []
+
+
+def test_a_pair_is_pinned_kept_apart_and_freed_by_keyboard(console: Visit, address: str) -> None:
+    page = console.page
+    cell = page.locator("[data-tap='pair:34:123']")
+    around = page.locator("td:has([data-tap='pair:34:123'])")
+    cell.focus()
+    for tone, words in (("pin", "pinned by operator"), ("forbid", "kept apart by operator")):
+        page.keyboard.press("Enter")
+        expect(around).to_have_class(re.compile(rf"\b{tone}\b"), timeout=TIMEOUT_MS)
+        expect(cell).to_have_attribute("title", re.compile(words), timeout=TIMEOUT_MS)
+        expect(cell).to_be_focused(timeout=TIMEOUT_MS)
+    page.keyboard.press("Enter")
+    expect(around).not_to_have_class(re.compile(r"\b(pin|forbid)\b"), timeout=TIMEOUT_MS)
+    page.keyboard.press("ArrowLeft")
+    expect(page.locator("[data-tap='pair:34:122']")).to_be_focused()
+    assert console.trouble == []
+
+
+def test_weights_are_tried_here_and_put_in_force_as_one(console: Visit, address: str) -> None:
+    page = console.page
+    field = page.locator("[data-field=weight-tracking]")
+    expect(page.locator("[data-weights=apply]")).to_be_disabled()
+    field.fill("1000")
+    shown(console, ".trial", "Tracking: 1000 is not from 1 to 100.")
+    field.fill("40")
+    shown(console, ".trial", "Tried here")
+    page.keyboard.press("Space")
+    shown(console, ".mission .chip", "held")
+    page.click("[data-weights=apply]")
+    expect(page.locator("[data-weights=apply]")).to_be_disabled(timeout=TIMEOUT_MS)
+    shown(console, "[data-weight=tracking] .weight-history", "operator, ")
+    snapshot = httpx.get(f"{address}/api/v1/missions/m1/snapshot").json()
+    assert snapshot["directives"]["weights"]["tracking"] == 40.0
+
+
+def zones(address: str) -> dict[str, dict[str, Any]]:
+    snapshot = httpx.get(f"{address}/api/v1/missions/m1/snapshot").json()
+    return {zone["id"]: zone for zone in snapshot["zones"]}
+
+
+def test_a_zone_is_drawn_on_the_scene_erased_and_brought_back(
+    browser: Browser, address: str
+) -> None:
+    """Its centre and its rim are clicked in the scene itself, behind our proxy."""
+    with window(browser, address, "drawn") as visited:
+        page = visited.page
+        page.wait_for_function(MANY_COLOURS, timeout=TIMEOUT_MS)
+        box = page.locator("#scene").bounding_box()
+        assert box is not None
+        before = zones(address)
+        page.keyboard.press("z")
+        shown(visited, ".draw-hint", "Click the centre")
+        page.wait_for_function(TAKES_CLICKS)
+        x, y = box["x"] + 0.5 * box["width"], box["y"] + 0.55 * box["height"]
+        page.mouse.click(x, y)
+        shown(visited, ".draw-hint", "Now click the rim")
+        page.keyboard.press("Escape")
+        expect(page.locator(".draw-hint")).to_be_hidden(timeout=TIMEOUT_MS)
+        page.click("[data-draw=start]")
+        shown(visited, ".draw-hint", "Click the centre")
+        page.wait_for_function(TAKES_CLICKS)
+        page.mouse.click(x, y)
+        shown(visited, ".draw-hint", "Now click the rim")
+        page.mouse.click(x + 0.1 * box["width"], y)
+        shown(visited, ".draw-hint", "Check the numbers")
+        east, radius = (
+            float(page.locator(f"[data-field=zone-{name}]").input_value()) for name in ("x", "long")
+        )
+        assert abs(east) < 0.5  # the middle of the view is the middle of the field
+        assert 0.3 < radius < 4.0
+        page.locator(".draw-kind").get_by_text("communication").click()
+        page.click("[data-draw=confirm]")
+        shown(visited, "#notice", "is drawn")
+        (name,) = zones(address).keys() - before.keys()
+        assert zones(address)[name]["kind"] == "communication"
+        assert zones(address)[name]["mean"][0] == pytest.approx(east)
+        page.get_by_role("tab", name="Zones").click()
+        shown(visited, f"[data-zone={name}]", "drawn by operator")
+        page.click(f"[data-zone-erase={name}]")
+        expect(page.locator(f"[data-zone={name}]")).to_have_count(0, timeout=TIMEOUT_MS)
+        page.click("[data-zones=undo]")
+        shown(visited, "#notice", "is back as")
+        assert len(zones(address)) == len(before) + 1
+        assert visited.trouble == []
+
+
+ROWS = """
+() => new Set([...document.querySelectorAll('.aside-card .tab-list button')]
+    .map((tab) => tab.getBoundingClientRect().top)).size
+"""
 
 
 @pytest.mark.parametrize(("width", "height"), [(1440, 900), (1920, 1080)])
@@ -241,11 +278,34 @@ def test_nothing_overlaps(
     )
     visited = visit(context, address, "blank")
     assert visited.page.evaluate(OVERLAPS) == []
+    assert visited.page.evaluate(ROWS) == 1, "the tabs beside the scene stand in one row"
     assert visited.page.locator("html").get_attribute("data-theme") == scheme
     visited.page.click("[data-theme-toggle]")
     other = {"dark": "light", "light": "dark"}[scheme]
     assert visited.page.locator("html").get_attribute("data-theme") == other
     context.close()
+
+
+def test_smaller_screens_scroll_and_keep_hold_in_sight(console: Visit) -> None:
+    page = console.page
+    sizes = ((1360, 800), (1280, 720), (1180, 800), (1000, 800), (900, 700), (390, 844))
+    for width, height in sizes:
+        page.set_viewport_size({"width": width, "height": height})
+        page.evaluate("scrollTo(0, 0)")
+        assert page.evaluate(OVERLAPS) == [], width
+        assert page.evaluate("document.documentElement.scrollWidth") <= width
+        assert page.evaluate("document.querySelector('.console').offsetWidth") == width
+        page.evaluate("scrollTo(0, document.body.scrollHeight)")
+        expect(page.locator("[data-steer=hold]")).to_be_in_viewport(ratio=1.0)
+
+
+def test_the_smallest_screen_that_does_not_scroll_covers_nothing(console: Visit) -> None:
+    console.page.set_viewport_size({"width": 1366, "height": 768})
+    assert console.page.evaluate(OVERLAPS) == []
+    deck, aside = (console.page.locator(what).bounding_box() for what in (".limits-card", "aside"))
+    assert deck is not None
+    assert aside is not None
+    assert deck["x"] + deck["width"] <= aside["x"]
 
 
 def test_a_second_browser_shows_the_same(browser: Browser, address: str, console: Visit) -> None:

@@ -12,6 +12,7 @@ from websockets.typing import Subprotocol
 from console.proxy import HOUSE_STYLE, PAGE
 from console.scene import CLOSE_POLICY, SECRET_HEADER, Scene, open_scene
 from tests.console.messages import message
+from tests.patience import PATIENCE_S
 
 PROTOCOL = Subprotocol(f"viser-v{viser.__version__}")
 
@@ -34,7 +35,7 @@ async def test_a_stranger_is_closed_out(scene: Scene, headers: dict[str, str]) -
         url(scene), subprotocols=[PROTOCOL], additional_headers=headers, proxy=None
     ) as socket:
         with pytest.raises(ConnectionClosed) as closed:
-            async with asyncio.timeout(10.0):
+            async with asyncio.timeout(PATIENCE_S):
                 await read_on(socket)
     assert closed.value.rcvd is not None
     assert closed.value.rcvd.code == CLOSE_POLICY
@@ -56,7 +57,7 @@ async def test_the_proxy_is_let_in_and_gets_the_picture(scene: Scene) -> None:
         proxy=None,
         max_size=None,
     ) as socket:
-        async with asyncio.timeout(10.0):
+        async with asyncio.timeout(PATIENCE_S):
             first = await socket.recv()
     assert isinstance(first, bytes)
     assert len(first) > 100

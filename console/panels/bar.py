@@ -1,0 +1,124 @@
+"""The top bar: mission, clock, the three loops' lamps, who guides."""
+
+from console.board import Facts
+from console.panel import Panel
+from console.render import Json, clock, escape
+from server.api.models import MissionInfo
+
+LOOPS = (("optimizer", "Optimizer"), ("task_llm", "Task model"), ("action_llm", "Action model"))
+STALE_PERIODS = 3.0
+"""A loop whose last success is older than so many of its periods wants to be looked at."""
+
+PERIODS_S = {"optimizer": 0.1, "task_llm": 20.0, "action_llm": 5.0}
+GOOD_SUCCESS = 0.8
+
+GUIDANCE_WORDS = {
+    "model": "Model guidance",
+    "last_valid": "Last valid guidance",
+    "solver": "Own solver",
+    "hold": "Hold",
+}
+NO_MISSION = "<b>No mission</b><small>Create one by the API or by falconer run.</small>"
+
+
+class MissionPanel(Panel):
+    """What flies, in which state, and since when."""
+
+    @staticmethod
+    def draw(facts: Facts) -> dict[str, str]:
+        """Return the mission's line and its clock."""
+        pieces = {"mission": mission_line(facts.mission)}
+        if facts.snapshot is not None:
+            pieces["clock"] = clock(facts.snapshot["time_s"])
+        return pieces
+
+    def build(self) -> None:
+        """Show both."""
+        self.html("mission", "mission")
+        self.html("clock", "clock")
+
+
+class LampsPanel(Panel):
+    """How the three loops do."""
+
+    @staticmethod
+    def draw(facts: Facts) -> dict[str, str]:
+        """Return the lamps."""
+        return {} if facts.snapshot is None else {"lamps": lamps(facts.snapshot)}
+
+    def build(self) -> None:
+        """Show them."""
+        self.html("lamps", "lamps")
+
+
+class GuidancePanel(Panel):
+    """Which step of the ladder guides the team."""
+
+    @staticmethod
+    def draw(facts: Facts) -> dict[str, str]:
+        """Return the step and its age."""
+        return {} if facts.snapshot is None else {"guidance": guidance(facts.snapshot)}
+
+    def build(self) -> None:
+        """Show it."""
+        self.html("guidance", "ladder")
+
+
+def mission_line(mission: MissionInfo) -> str:
+    """Return what flies and in which state."""
+    return (
+        f"<b>{escape(mission.scenario)}</b>"
+        f'<span class="chip {mission.state}">{mission.state.value}</span>'
+        f"<small>{escape(mission.id)} · {escape(mission.llm)} · gate {mission.gate.value}</small>"
+    )
+
+
+def loop_level(name: str, loop: Json) -> str:
+    """Return ok, warn or alarm for one loop's lamp; idle before its first call."""
+    if not loop["calls"]:
+        return "idle"
+    period_s = PERIODS_S[name]
+    age_s = loop["age_s"]
+    if age_s is None or age_s > STALE_PERIODS * max(period_s, 1.0):
+        return "alarm"
+    low = loop["success_rate"] is not None and loop["success_rate"] < GOOD_SUCCESS
+    return "warn" if low else "ok"
+
+
+def lamps(snapshot: Json) -> str:
+    """Return the three loop lamps: rate or age, and success."""
+    parts = []
+    for name, title in LOOPS:
+        loop = snapshot["loops"].get(name)
+        if loop is None:
+            continue
+        level = loop_level(name, loop)
+        if name == "optimizer":
+            rate = loop["rate_hz"]
+            figure = "–" if rate is None else f"{rate:.1f} Hz"
+        else:
+            figure = "no answer yet" if loop["age_s"] is None else f"{loop['age_s']:.0f} s ago"
+        success = loop["success_rate"]
+        share = "" if success is None else f" · {100 * success:.0f} %"
+        words = {"ok": "normal", "warn": "low success", "alarm": "stale", "idle": "idle"}[level]
+        hint = f"{title}: {words}; {loop['calls']} calls, {loop['missed']} missed"
+        # Recordings of earlier versions do not tell it.
+        if (adopted := loop.get("adopted_rate")) is not None:
+            hint += f", {100 * adopted:.0f} % of the answers went into force"
+        parts.append(
+            f'<div class="lamp {level}" title="{escape(hint)}">'
+            f'<i aria-label="{words}"></i><b>{title}</b><span>{figure}{share}</span></div>'
+        )
+    return "".join(parts)
+
+
+def guidance(snapshot: Json) -> str:
+    """Return which step of the ladder guides the team, and how old that is."""
+    level = snapshot["guidance"]["level"]
+    age = snapshot["guidance"]["age_s"]
+    tone = {"model": "ok", "last_valid": "warn", "solver": "warn"}.get(level, "alarm")
+    since = "" if age is None else f"{age:.0f} s old"
+    return (
+        f'<div class="guidance {tone}"><b>{GUIDANCE_WORDS.get(level, escape(level))}</b>'
+        f"<span>{since}</span></div>"
+    )

@@ -1,0 +1,28 @@
+import re
+
+from console.panels import team as panel
+from tests.console.messages import message
+from tests.console.reading import words
+
+
+def test_the_team_table_tells_states_targets_and_silence() -> None:
+    rows = re.findall(r"<tr.*?>(.*?)</tr>", panel.team(message(), {21: "d7"}))[1:]
+    assert [words(row).split(" ")[:2] for row in rows] == [
+        ["D21", "ok"],
+        ["D26", "blind"],
+        ["D31", "jammed"],
+        ["D34", "ok"],
+    ]
+    assert "T121 T125 d7" in words(rows[0])
+    assert 'data-reveal="d7"' in rows[0]
+    assert words(rows[3]).endswith("never")
+
+
+def test_a_robot_names_the_newest_decision_in_force_about_it() -> None:
+    rows = [{"robot": 21, "gains": [122], "loses": []}]
+    cards = [
+        {"id": "d9", "status": "refused", "changes": {"assignment": rows}},
+        {"id": "d8", "status": "adopted", "changes": {"assignment": rows}},
+        {"id": "d7", "status": "adopted", "changes": {"assignment": rows}},
+    ]
+    assert panel.last_decisions(cards) == {21: "d8"}
