@@ -1,0 +1,1 @@
+"""A team on two sites whose link is slow, loses packets and is cut."""

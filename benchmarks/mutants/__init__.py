@@ -1,0 +1,1 @@
+"""How many small errors in the solver and in the verification of answers the tests notice."""

@@ -1,0 +1,50 @@
+"""MAVLink vehicles and simulated robots in one live mission, in short; real processes, sockets."""
+
+from typing import Any
+
+import pytest
+
+from benchmarks.mixed import broken, measure
+
+FINE: dict[str, Any] = {
+    "ticks": 100,
+    "missed_ticks": 0,
+    "refused_on_board": {21: 0, 22: 0},
+    "refusals": [],
+    "autopilots": {"autopilot 21": [100, 0]},
+    "tracked": ["tracked", "tracked"],
+}
+
+
+@pytest.mark.process
+@pytest.mark.asyncio
+async def test_a_mixed_team_tracks_its_targets() -> None:
+    figures = await measure(10.0, "none")
+    missed, ticks = figures.pop("missed_ticks"), figures["ticks"]
+    assert ticks + missed >= 95
+    assert missed <= 0.2 * ticks, "a busy machine may miss some"
+    assert broken({**figures, "missed_ticks": 0}) == []
+    assert set(figures["setpoints"]) == {21, 22, 23, 24}
+    assert min(figures["setpoints"].values()) >= 0.9 * ticks
+    assert min(counts[0] for counts in figures["autopilots"].values()) >= 0.7 * (ticks + missed)
+    assert figures["mean_error_m"] < 0.5
+    for modes in figures["modes"].values():
+        assert "flying" in modes
+        assert set(modes) <= {"flying", "holding", "onboard"}
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"missed_ticks": 1}, "1 of 100 ticks missed"),
+        ({"refused_on_board": {21: 0, 22: 2}}, "refused"),
+        ({"refusals": ["robot 21: too fast"]}, "too fast"),
+        ({"autopilots": {"autopilot 21": [100, 1]}}, "ignored"),
+        ({"autopilots": {"autopilot 21": []}}, "ignored"),
+        ({"tracked": ["tracked", "dropped"]}, "dropped"),
+    ],
+)
+def test_a_broken_promise_is_told(change: dict[str, Any], words: str) -> None:
+    assert broken(FINE) == []
+    (found,) = broken({**FINE, **change})
+    assert words in found
