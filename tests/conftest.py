@@ -3,8 +3,10 @@
 The time-out of every test and "warnings are errors" stand in `pyproject.toml`.
 """
 
+import os
 import shutil
 from pathlib import Path
+from tempfile import mkdtemp
 
 import pytest
 from hypothesis import settings
@@ -15,12 +17,18 @@ BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 ROOT = Path(__file__).resolve().parent.parent
 
 
+def pytest_unconfigure() -> None:
+    """Remove the journals of servers that the tests started."""
+    shutil.rmtree(os.environ["XDG_STATE_HOME"], ignore_errors=True)
+
+
 def pytest_configure() -> None:
     """Close the network before the first test module is imported; no test races a clock.
 
     Examples are derived from the test itself, so that a run that passed passes again.
     """
     block_network()
+    os.environ["XDG_STATE_HOME"] = mkdtemp(prefix="falconer-tests-")
     settings.register_profile("falconer", deadline=None, derandomize=True)
     settings.load_profile("falconer")
 

@@ -14,21 +14,23 @@ from packaging.utils import canonicalize_name
 
 from tests.house.sources import CHECKS, PACKAGES, imported_names, python_files
 
-USED_WITHOUT_IMPORT: dict[str, str] = {}
+USED_WITHOUT_IMPORT = {"aiosqlite": "SQLAlchemy's driver of SQLite"}
 """Runtime dependencies that no module of ours names, and who uses them."""
 
 TOOLS = {
     "import-linter": "make floors",
+    "mutmut": "make mutants",
     "mypy": "make lint",
     "pytest-asyncio": "plug-in of pytest",
-    "pytest-benchmark": "plug-in of pytest",
     "pytest-timeout": "plug-in of pytest",
     "ruff": "make lint",
+    "schemathesis": "benchmarks.fuzz runs its command",
     "types-pyyaml": "stubs for mypy",
     "uv": "make lock",
 }
 """Development dependencies that are run, not imported."""
 
+LOCKS = ("requirements.lock", "requirements-dev.lock", "requirements-local.lock")
 PIN = re.compile(r"^([a-z0-9][a-z0-9.-]*)==(\S+)", re.MULTILINE)
 
 
@@ -85,6 +87,14 @@ def test_every_development_dependency_is_used(root: Path, project: dict[str, Any
     assert declared - _imported(root, CHECKS) - set(TOOLS) == set(), "nobody uses these"
 
 
+def test_every_dependency_says_what_it_is_for(root: Path, project: dict[str, Any]) -> None:
+    lines = (root / "pyproject.toml").read_text("utf-8").splitlines()
+    extras = project["project"]["optional-dependencies"]
+    for requirement in project["project"]["dependencies"] + extras["dev"]:
+        (line,) = [line for line in lines if line.startswith(f'    "{requirement}",')]
+        assert len(line.partition(" # ")[2].split()) >= 2, f"{requirement}: what for?"
+
+
 def test_the_exceptions_are_exceptions(root: Path, project: dict[str, Any]) -> None:
     assert set(USED_WITHOUT_IMPORT) <= _declared(project["project"]["dependencies"])
     assert not set(USED_WITHOUT_IMPORT) & _imported(root, PACKAGES)
@@ -108,7 +118,7 @@ def test_a_lock_holds_what_is_declared(root: Path, project: dict[str, Any], lock
         assert requirement.specifier.contains(version), f"run make lock: {requirement} {version}"
 
 
-@pytest.mark.parametrize("lock", ["requirements.lock", "requirements-dev.lock"])
+@pytest.mark.parametrize("lock", LOCKS)
 def test_a_lock_is_pinned_hashed_and_names_no_place(root: Path, lock: str) -> None:
     text = (root / lock).read_text("utf-8")
     entries = re.split(r"\n(?=\S)", re.sub(r"^\s*#.*\n?", "", text, flags=re.MULTILINE).strip())
@@ -117,6 +127,18 @@ def test_a_lock_is_pinned_hashed_and_names_no_place(root: Path, lock: str) -> No
         assert PIN.match(entry), f"not a pin: {entry.splitlines()[0]}"
         assert "--hash=sha256:" in entry, f"no hash: {entry.splitlines()[0]}"
     assert not re.search(r"://|--\w*index|--find-links|file:| @ ", text)
+
+
+def test_the_lock_of_the_embedded_model_holds_its_two_packages_alone(
+    root: Path, project: dict[str, Any]
+) -> None:
+    """Without what they depend on: the model's package would bring a compiler's work along."""
+    wanted = project["dependency-groups"]["local"]
+    pins = _pins(root / "requirements-local.lock")
+    assert set(pins) == _declared(wanted)
+    for requirement in map(Requirement, wanted):
+        assert requirement.specifier.contains(pins[canonicalize_name(requirement.name)])
+    assert set(project["project"]["optional-dependencies"]["local"]) < set(wanted)
 
 
 def test_the_development_lock_contains_the_runtime_lock(root: Path) -> None:

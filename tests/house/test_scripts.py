@@ -1,12 +1,21 @@
 """The Makefile explains itself, and its scripts cope with machines that lack something."""
 
+import itertools
+import os
 import re
 import shutil
+import signal
 import subprocess
 import sys
+import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+
+from server.cli import app
+from tests.house.inventory import parse
+from tests.patience import PATIENCE_S
 
 
 def _run(
@@ -51,17 +60,27 @@ def test_make_alone_lists_every_target(root: Path) -> None:
 
 
 def test_a_changed_lock_renews_the_installation(root: Path, tmp_path: Path) -> None:
-    for name in ("Makefile", "pyproject.toml", "requirements.lock", "requirements-dev.lock"):
-        shutil.copy(root / name, tmp_path)
+    ages = itertools.count(1000, -10)  # seconds ago: clocks of file systems are coarse
+
+    def made(file: Path) -> None:
+        file.touch()
+        when = time.time() - next(ages)
+        os.utime(file, (when, when))
+
+    for file in (root / "Makefile", root / "pyproject.toml", *root.glob("requirements*.lock")):
+        made(Path(shutil.copy(file, tmp_path)))
     stamps = tmp_path / ".venv"
     (stamps / "bin").mkdir(parents=True)
-    for name in ("bin/python", ".setup", ".setup-dev"):
-        (stamps / name).touch()
+    for name in ("bin/python", ".setup", ".setup-dev", ".setup-local"):
+        made(stamps / name)
+    assert _run(["make", "-q", "setup", "setup-dev", "setup-local"], tmp_path).returncode == 0
+    made(tmp_path / "requirements-local.lock")
     assert _run(["make", "-q", "setup", "setup-dev"], tmp_path).returncode == 0
-    (tmp_path / "requirements-dev.lock").touch()
+    assert _run(["make", "-q", "setup-local"], tmp_path).returncode == 1
+    made(tmp_path / "requirements-dev.lock")
     assert _run(["make", "-q", "setup"], tmp_path).returncode == 0
     assert _run(["make", "-q", "setup-dev"], tmp_path).returncode == 1
-    (tmp_path / "requirements.lock").touch()
+    made(tmp_path / "requirements.lock")
     assert _run(["make", "-q", "setup"], tmp_path).returncode == 1
 
 
@@ -121,3 +140,43 @@ def test_no_browser_to_be_had_is_told_in_words(root: Path, bare: Path) -> None:
     found = _run([root / "scripts" / "browser", bare], root, bare)
     assert found.returncode == 1
     assert "apt-get install chromium" in found.stderr
+
+
+# ----------------------------------------------------------------------- scripts/mixed
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_the_mixed_team_is_started_and_ended_as_one(
+    root: Path, tmp_path: Path, number: signal.Signals, code: int
+) -> None:
+    said, pids = tmp_path / "said", tmp_path / "pids"
+    _program(tmp_path, "falconer", f'echo "$*" >> {said}; echo $$ >> {pids}; exec sleep 60')
+    script = subprocess.Popen([root / "scripts" / "mixed", tmp_path, "8123"], cwd=root)
+    try:
+        _until(lambda: pids.exists() and len(pids.read_text().splitlines()) == 6)
+        script.send_signal(number)
+        assert script.wait(timeout=PATIENCE_S) == code
+    finally:
+        script.kill()
+    for pid in pids.read_text().split():
+        assert not Path(f"/proc/{pid}").exists(), "nothing outlives it"
+    lines = [line.split() for line in said.read_text().splitlines()]
+    for line in lines:
+        parse(app, line)
+    assert sorted(line[0] for line in lines) == ["serve", "sim", *["vehicle"] * 4]
+
+
+def test_the_mixed_team_ends_with_its_server(root: Path, tmp_path: Path) -> None:
+    _program(tmp_path, "falconer", '[ "$1" = serve ] && exit 2; exec sleep 60')
+    done = subprocess.run(
+        [root / "scripts" / "mixed", tmp_path], cwd=root, timeout=PATIENCE_S, check=False
+    )
+    assert done.returncode == 2
+
+
+def _until(condition: Callable[[], bool]) -> None:
+    for _ in range(round(PATIENCE_S / 0.02)):
+        if condition():
+            return
+        time.sleep(0.02)
+    raise AssertionError("did not happen")

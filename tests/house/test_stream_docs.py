@@ -17,6 +17,8 @@ from server.encoding import (
     truth_object,
 )
 from server.loops import LoopReport
+from server.mission.setup import ZoneDefaults
+from server.recording.playback import replay_object
 from solver.arrays import frozen, frozen_bool
 from solver.directives import CommentVerdict, Directives, Pairing, Pin, Source, Weights
 from solver.observations import Comment, HoldState, Link
@@ -24,6 +26,7 @@ from solver.problem import Rung
 from solver.snapshot import (
     CommentReceipt,
     Guidance,
+    InferredZone,
     RobotTable,
     Snapshot,
     SolveSummary,
@@ -90,6 +93,7 @@ def _snapshot() -> Snapshot:
         receipts=(CommentReceipt(comment, CommentVerdict.APPLIED, "done", CommentVerdict.NOTED),),
         guidance=Guidance.MODEL,
         guidance_age_s=0.5,
+        inferred=(InferredZone("s1", 0.7, zone.covariance, zone.covariance, 1.0, 0.2, 3.0),),
     )
 
 
@@ -101,10 +105,12 @@ def _message() -> dict[str, Any]:
         loops={"optimizer": REPORT, "task_llm": REPORT, "action_llm": REPORT},
         field=((-10.0, -5.0), (10.0, 5.0)),
         weight_bounds=(WEIGHTS, WEIGHTS),
+        severity_bounds=(1.0, 5.0),
+        zone_defaults=dict.fromkeys(ZoneKind, ZoneDefaults(0.1, 0.1, 0.1)),
         attacks={ZoneKind.SENSING: 1},
         mission="m1",
         truth=truth_object({21: (0.0, 0.0)}, {122: (2.0, 2.0)}, snapshot.zones),
-    )
+    ) | {"replay": replay_object(60.0, 1.0, "running")}
 
 
 def _fields(value: Any, name: str = "") -> Iterator[str]:
