@@ -109,19 +109,22 @@ class LiveCouncil:
         self._let_go()
 
     async def tick_over(self) -> None:
-        """Return when the next tick has been committed, or none will be any more."""
-        if not self._closed:
-            over: asyncio.Future[None] = asyncio.get_running_loop().create_future()
-            self._onlookers.append(over)
-            await over
+        """Return when the next tick has been committed, or the mission has ended meanwhile.
+
+        Raises RequestRefused when it has ended already.
+        """
+        if self._closed:
+            raise _ended()
+        over: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+        self._onlookers.append(over)
+        await over
 
     def close(self) -> None:
         """Let go who still waits: nothing is decided any more."""
         self._closed = True
-        ended = RequestRefused("wrong_state", "the mission has ended")
         for _, answer in self._waiting:
             if not answer.done():
-                answer.set_exception(ended)
+                answer.set_exception(_ended())
         self._waiting.clear()
         self._let_go()
 
@@ -131,7 +134,7 @@ class LiveCouncil:
 
     async def _between_ticks(self, decide: Callable[[], Decision]) -> Decision:
         if self._closed:
-            raise RequestRefused("wrong_state", "the mission has ended")
+            raise _ended()
         answer: asyncio.Future[Decision] = asyncio.get_running_loop().create_future()
         self._waiting.append((decide, answer))
         self._wake()
@@ -158,3 +161,7 @@ class LiveCouncil:
             waiting = self._pending.get(card.id)
             if waiting is not None and card.status is not Status.PENDING and not waiting.done():
                 waiting.set_result(card)
+
+
+def _ended() -> RequestRefused:
+    return RequestRefused("wrong_state", "the mission has ended")

@@ -61,7 +61,7 @@ class Overrides:
         """Do one thing and return what came of it.
 
         Raises RequestRefused: override_refused (with the violations), pin_unknown,
-        zone_unknown, too_many_pins, too_many_zones, decision_unknown, not_pending.
+        zone_unknown, too_many_pins, too_many_zones, decision_unknown, not_pending, wrong_state.
         """
         try:
             return await self._done(what, asked, author)
@@ -189,7 +189,10 @@ class Overrides:
         return {"zone": _zone_object(zone), "decision": None}
 
     async def _enter(self, fact: Observation, known: Callable[[tuple[Zone, ...]], bool]) -> None:
-        """Give the mission a fact; return when its zones are so, or it takes too long."""
+        """Give the mission a fact; return when its zones are so, or it takes too long.
+
+        Raises RequestRefused when the mission ends before it has taken the fact.
+        """
         self._observe(fact)
         with suppress(TimeoutError):
             async with asyncio.timeout(KNOWN_S):

@@ -193,6 +193,19 @@ def test_a_zone_drawn_while_mission_time_stands_still_is_known_when_it_goes_on()
     flown(act)
 
 
+def test_a_zone_drawn_as_the_mission_ends_is_refused_and_holds_nothing_up() -> None:
+    async def act(f: Flight) -> None:
+        f.mission.pause("ada")
+        await asyncio.sleep(0.3)
+        asked = {"kind": "sensing", "mean": [1.0, 1.0], "covariance": [[0.2, 0.0], [0.0, 0.2]]}
+        drawing = asyncio.create_task(f.mission.override("zone", asked, "ada"))
+        await asyncio.sleep(0.5)
+        await f.mission.stop("ada")
+        await refused(drawing, "wrong_state")
+
+    flown(act)
+
+
 def test_a_mission_steered_by_people_replays_bit_for_bit() -> None:
     async def fly() -> Any:
         async with mock_model() as model, flight(model) as f:
