@@ -12,7 +12,11 @@ import json
 from collections.abc import Awaitable, Callable, Mapping
 from typing import Any
 
+import structlog
+
 from server.live.outbox import Frame, Outbox, OutboxClosed
+
+log = structlog.get_logger(__name__)
 
 MAX_LINE_BYTES = 8 * 1024 * 1024
 """A snapshot of a thousand robots and two thousand targets takes about one MiB."""
@@ -139,7 +143,11 @@ class Caller:
 
 
 class Responder:
-    """The answering side of a channel. Each request runs in its own task, bounded."""
+    """The answering side of a channel. Each request runs in its own task, bounded.
+
+    A fault of the handler, or an answer that cannot be told, is its asker's trouble alone: it is
+    logged and answered with `internal_error`, and never ends the flight.
+    """
 
     def __init__(
         self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, handler: Handler
@@ -176,22 +184,23 @@ class Responder:
                     task.cancel()
 
     async def _answer(self, request: Json) -> None:
-        answer: Json = {"id": request.get("id", 0)}
+        request_id = request.get("id", 0)
         if self._active >= MAX_PENDING:
-            answer["error"] = {"code": "busy", "message": "too many requests at once"}
+            answer = _refused(request_id, RequestRefused("busy", "too many requests at once"))
         else:
             self._active += 1
             try:
-                answer["ok"] = await self._handler(request["op"], request.get("params", {}))
+                told = await self._handler(request["op"], request.get("params", {}))
+                answer = frame({"id": request_id, "ok": told})
             except RequestRefused as refused:
-                answer["error"] = {
-                    "code": refused.code,
-                    "message": refused.message,
-                    "details": refused.details,
-                }
+                answer = _refused(request_id, refused)
+            except Exception:  # a fault in one request must not end the flight
+                log.exception("a request failed", op=request.get("op"))
+                words = "the mission failed on this request"
+                answer = _refused(request_id, RequestRefused("internal_error", words))
             finally:
                 self._active -= 1
-        self._answers.put(Frame(answer, encode(answer)))
+        self._answers.put(answer)
 
     async def _send(self, outbox: Outbox) -> None:
         with contextlib.suppress(OutboxClosed, ConnectionError):
@@ -199,6 +208,11 @@ class Responder:
                 sent = await outbox.get()
                 self._writer.write(sent.text.encode() + b"\n")
                 await self._writer.drain()
+
+
+def _refused(request_id: int, refused: RequestRefused) -> Frame:
+    error = {"code": refused.code, "message": refused.message, "details": refused.details}
+    return frame({"id": request_id, "error": error})
 
 
 async def _read_line(reader: asyncio.StreamReader) -> str:

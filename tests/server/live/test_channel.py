@@ -61,6 +61,10 @@ async def echo(op: str, params: dict[str, Any]) -> dict[str, Any]:
             await asyncio.Event().wait()
         case "refuse":
             raise RequestRefused("too_many_comments", "enough", {"limit": 32})
+        case "fail":
+            raise KeyError("text")
+        case "nan":
+            return {"x": float("nan")}
     return {}
 
 
@@ -101,6 +105,16 @@ async def test_a_refusal_keeps_its_code_and_details() -> None:
             await caller.request("refuse")
     assert refused.value.code == "too_many_comments"
     assert refused.value.details == {"limit": 32}
+
+
+@pytest.mark.asyncio
+@pytest.mark.parametrize("op", ["fail", "nan"])
+async def test_a_fault_in_one_request_is_its_askers_alone(op: str) -> None:
+    async with channel(echo) as (caller, _):
+        with pytest.raises(RequestRefused) as refused:
+            await caller.request(op)
+        assert refused.value.code == "internal_error"
+        assert await caller.request("echo", {"hold": 1}) == {"hold": 1}
 
 
 @pytest.mark.asyncio
