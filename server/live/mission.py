@@ -8,6 +8,7 @@ between ticks and enters the core only at the beginning of one.
 import asyncio
 from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -105,6 +106,8 @@ class LiveMission:
             tell(message)
 
         self.state = MissionState.CREATED
+        # What it begins in once its robots are mustered, unless somebody says otherwise.
+        self._first = MissionState.RUNNING if core.core.setup.start is None else MissionState.HELD
         self._terms = terms
         self._core = core
         self._solver = solver
@@ -145,8 +148,7 @@ class LiveMission:
         """Fly until the mission's time is over or it is stopped."""
         await self._muster()
         self._began_s = self._now()
-        broken_off = self._setup.start is not None
-        self.state = MissionState.HELD if broken_off else MissionState.RUNNING
+        self.state = self._first
         async with asyncio.TaskGroup() as tasks:
             loops = [
                 tasks.create_task(driver.run(self._flying), name=loop.value)
@@ -179,29 +181,34 @@ class LiveMission:
     def hold(self, author: str) -> Json:
         """Let every robot hold from the next tick on."""
         self._inbox.append(HoldChange(HoldState.HELD, author))
-        if self.state is MissionState.RUNNING:
+        if self._standing is MissionState.RUNNING:
             self._become(MissionState.HELD)
-        return {"state": self.state.value}
+        return {"state": self._standing.value}
 
     def resume(self, author: str) -> Json:
         """Go on after hold or pause."""
         self._inbox.append(HoldChange(HoldState.FLYING, author))
-        if self.state is MissionState.PAUSED:
+        if self._standing is MissionState.PAUSED:
             self._link.control_world(WorldAction.RESUME)
             self._herald.say(EventKind.HOLD, Severity.INFO, f"Mission time goes on ({author}).")
         if self.state is not MissionState.ENDED:
             self._become(MissionState.RUNNING)
-        return {"state": self.state.value}
+        return {"state": self._standing.value}
 
     def pause(self, author: str) -> Json:
         """Let mission time stand still; a simulated world pauses too."""
-        if self.state in (MissionState.RUNNING, MissionState.HELD):
+        if self._standing in (MissionState.RUNNING, MissionState.HELD):
             self._become(MissionState.PAUSED)
             self._link.control_world(WorldAction.PAUSE)
             self._herald.say(
                 EventKind.HOLD, Severity.WARNING, f"Mission time stands still ({author})."
             )
-        return {"state": self.state.value}
+        return {"state": self._standing.value}
+
+    @property
+    def _standing(self) -> MissionState:
+        """Where it stands, or, while robots are mustered, where it will."""
+        return self._first if self.state is MissionState.CREATED else self.state
 
     @property
     def refused(self) -> int:
@@ -286,8 +293,7 @@ class LiveMission:
         self._link.send_setpoints(setpoints, self._terms.mission)
         self._beat(core.snapshot)
         ended_s = self._now()
-        good = solution.rung is Rung.CONVERGED
-        self._meter.record(ended_s, ended_s - began_s, success=good)
+        self._meter.record(ended_s, ended_s - began_s, success=solution.rung is Rung.CONVERGED)
         self._share_knowledge(core.snapshot)
         self._tell_snapshot(core.snapshot)
 
@@ -307,11 +313,9 @@ class LiveMission:
             self._beat(self._core.snapshot)
             self._council.settle_waiting()
             self._changed.clear()
-            try:
+            with suppress(TimeoutError):
                 async with asyncio.timeout(PAUSED_BEAT_S):
                     await self._changed.wait()
-            except TimeoutError:
-                continue
 
     def _beat(self, snapshot: Snapshot) -> None:
         state = _PLANNER_STATES[self.state]
@@ -374,6 +378,9 @@ class LiveMission:
         self._herald.show(self._core.snapshot, self.state, reports, self._figures.hits(), truth)
 
     def _become(self, state: MissionState) -> None:
+        if self.state is MissionState.CREATED:
+            self._first = state
+            return
         self.state = state
         self._let_models_speak()
         self._changed.set()

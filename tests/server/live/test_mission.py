@@ -142,6 +142,27 @@ def test_hold_stops_the_team_within_two_ticks_and_resume_lets_it_go_on() -> None
     assert any(robot["setpoint"] != [0.0, 0.0] for robot in resumed["robots"])
 
 
+def test_what_is_said_while_robots_are_mustered_is_what_the_mission_begins_in() -> None:
+    async def fly() -> Any:
+        async with flight(living="nobody") as f:
+            await asyncio.sleep(0.1)
+            assert f.mission.state is MissionState.CREATED
+            assert f.mission.hold("operator") == {"state": "held"}
+            await f.until(1.0)
+            assert {said["state"] for said in f.snapshots} == {"held"}
+            assert f.snapshots[-1]["guidance"]["level"] == "hold"
+        async with flight(living="nobody") as f:
+            await asyncio.sleep(0.1)
+            assert f.mission.pause("operator") == {"state": "paused"}
+            await asyncio.sleep(10.0)
+            assert f.core.snapshot.tick == -1, "no mission time has passed"
+            assert f.mission.resume("operator") == {"state": "running"}
+            await f.until(1.0)
+            return f.snapshots[-1]
+
+    assert run(fly())["state"] == "running"
+
+
 def test_mission_time_stands_still_while_paused() -> None:
     async def fly() -> Any:
         async with mock_model() as model, flight(model) as f:
