@@ -152,9 +152,11 @@ class OnboardPilot:
         return 0.0 if self._beliefs is None else estimation.trace(self._beliefs)
 
     def report(self, now_s: float) -> TrackReport:
-        """Return what the robot brings to the team at `now_s`: its tracks and its zones.
+        """Return what the robot brings to the team at `now_s`: its tracks and its own zones.
 
-        The tracks are predicted to that moment, so that they can be fused with the team's.
+        The tracks are predicted to that moment, so that they can be fused with the team's. Zones
+        are those that have struck it and of which the planner has not told it since: what it was
+        told before may have been changed or erased meanwhile.
         """
         beliefs = self._beliefs
         if beliefs is not None and self._knowledge is not None and now_s > self._filter_s:
@@ -171,7 +173,7 @@ class OnboardPilot:
                         covariance=tuple(tuple(r) for r in beliefs.covariances[row].tolist()),
                     )
                 )
-        return TrackReport(self.robot_id, tuple(tracks), self.zones)
+        return TrackReport(self.robot_id, tuple(tracks), tuple(self._revealed.values()))
 
     def _back_off_m(self) -> float:
         """Return the margin to communication zones after this long without a link.
