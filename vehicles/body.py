@@ -91,7 +91,7 @@ class Body(Protocol):
         ...
 
     def hold(self, now_s: float, reason: str) -> None:
-        """Hold position now, until the next setpoint or order."""
+        """Hold position now, until the next setpoint; an order being carried out goes on."""
         ...
 
     def order(self, order: Order, now_s: float, order_id: str) -> None:

@@ -74,9 +74,9 @@ class SimulatedBody:
         self._change(Mode.FLYING, "following setpoints")
 
     def hold(self, now_s: float, reason: str) -> None:
-        """Hold position now, unless on the ground."""
+        """Hold position now; who lands, returns or takes off on an order goes on with it."""
         self._setpoint = None
-        if self._mode is not Mode.LANDED:
+        if self._mode in (Mode.HOLDING, Mode.FLYING):
             self._change(Mode.HOLDING, reason)
 
     def order(self, order: Order, now_s: float, order_id: str) -> None:
