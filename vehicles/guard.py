@@ -16,6 +16,7 @@ class _Planner:
     clocks' offset plus the quickest way. What takes longer was delayed by the excess."""
 
     alive_until_s: float
+    """Until its last setpoint has expired, no other planner is listened to."""
 
 
 class SetpointGuard:
@@ -23,12 +24,10 @@ class SetpointGuard:
 
     Args:
         robot_id: Whose setpoints.
-        lull_s: A planner silent for this much longer than its last setpoint lived is forgotten.
     """
 
-    def __init__(self, robot_id: int, lull_s: float = 0.0) -> None:
+    def __init__(self, robot_id: int) -> None:
         self.robot_id = robot_id
-        self._lull_s = lull_s
         self._planner: _Planner | None = None
 
     def refusal(self, message: Setpoint, now_s: float) -> str | None:
@@ -38,7 +37,7 @@ class SetpointGuard:
         current = self._planner
         offset_s = now_s - message.stamp_s
         if current is None or message.boot != current.boot:
-            if current is not None and now_s < current.alive_until_s + self._lull_s:
+            if current is not None and now_s < current.alive_until_s:
                 return "another planner is in charge"
             self._planner = _Planner(message.boot, message.seq, offset_s, now_s + message.ttl_s)
             return None

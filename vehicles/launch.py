@@ -105,8 +105,8 @@ async def fly(
     clock = asyncio.get_running_loop().time
     radio = JammableBus(bus)
     agent = VehicleAgent(radio, keys, body, senses, pilot, uuid4().hex[:16], settings)
-    await agent.start()
     try:
+        await agent.start()
         ready()
         due_s = clock()
         while True:
