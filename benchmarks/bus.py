@@ -17,6 +17,7 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -212,6 +213,7 @@ class Robot:
         settings = ZenohSettings(connect=(share.endpoint,))
         async with ZenohBus(settings, KEYS.delivery) as bus:
             reporter = Reporter(bus, KEYS, self._id, "b", 1000)
+            notice = partial(wire.NoticePart, code="bench", text="a second more")
             await bus.subscribe(KEYS.robot(self._id, Topic.SETPOINT), self.heard)
             await bus.announce(KEYS.alive(self._id))
             await begun.wait()
@@ -221,7 +223,7 @@ class Robot:
                 reporter.state(state, wire.Mode.FLYING, now_s)
                 self._counts[Topic.STATE] += 1
                 if self._counts[Topic.STATE] % round(share.hz) == 0:
-                    reporter.note(now_s, wire.NoticePart(code="bench", text="a second more"))
+                    reporter.note(now_s, notice)
                     reporter.flush(now_s)
                     self._counts[Topic.EVENTS] += 1
 

@@ -9,6 +9,7 @@ with its own filter and knowledge), *no planner* (nothing is heard, nothing jams
 import asyncio
 import logging
 from enum import StrEnum
+from functools import partial
 
 from solver.observations import Detections, RobotState
 from solver.setpoints import Setpoint
@@ -87,6 +88,9 @@ class VehicleAgent:
         self._conflict_s: float | None = None
         self._health_s: float | None = None
         self._taken = self._refused = 0
+        self._layer_m: float | None = None
+        """Altitude it was last sent to, which it keeps when it flies alone; metres."""
+
         self._refusals = Repetition(logger)
 
     async def start(self) -> None:
@@ -189,6 +193,7 @@ class VehicleAgent:
             logger.debug("robot %d refuses a setpoint: %s", self.robot_id, refusal)
             return
         self._taken += 1
+        self._layer_m = message.altitude_m
         if not self._ordered and self.mode is not wire.Mode.MANUAL:
             self._body.follow(translation.setpoint_of(message), now_s)
 
@@ -218,7 +223,7 @@ class VehicleAgent:
         if not self._in_conflict(now_s):
             text = f"another agent flies robot {self.robot_id}: holding"
             logger.error(text)
-            self._reporter.note(now_s, wire.NoticePart(code="duplicate", text=text))
+            self._reporter.note(now_s, partial(wire.NoticePart, code="duplicate", text=text))
             self._body.hold(now_s, text)
         self._conflict_s = now_s
 
@@ -231,18 +236,21 @@ class VehicleAgent:
     def _suffer(self, now_s: float) -> None:
         for event in self._body.take_events():
             logger.info("robot %d: %s: %s", self.robot_id, event.kind.value, event.text)
-            notice = wire.NoticePart(
-                code=event.kind.value, text=event.text[:200], command_id=event.order_id
+            notice = partial(
+                wire.NoticePart,
+                code=event.kind.value,
+                text=event.text[:200],
+                command_id=event.order_id,
             )
             self._reporter.note(event.at_s, notice)
         for incident in self._senses.take_incidents():
             match incident:
                 case Struck(kind=kind, zone=zone):
-                    self._reporter.note(now_s, translation.attack_part(kind, zone))
+                    self._reporter.note(now_s, partial(translation.attack_part, kind, zone))
                     if zone is not None:
                         self._flight.reveal(zone)
                 case Recovered(kind=kind):
-                    self._reporter.note(now_s, wire.RecoveryPart(kind=kind))
+                    self._reporter.note(now_s, partial(wire.RecoveryPart, kind=kind))
 
     def _hears_planner(self, now_s: float) -> bool:
         heard = self._heartbeat_s
@@ -263,7 +271,7 @@ class VehicleAgent:
         elif alone is None and before is not None:
             self._flight.tell(
                 lambda pilot: self._reporter.note(
-                    now_s, translation.return_part(pilot.report(now_s))
+                    now_s, lambda: translation.return_part(pilot.report(now_s))
                 )
             )
 
@@ -282,13 +290,18 @@ class VehicleAgent:
         planned = await self._flight.plan(now_s, state.position, state.velocity)
         if planned is None:
             return
-        velocity, waypoint = planned
+        left_s = self._settings.onboard_ttl_s - planned.age_s
+        if left_s <= 0.0:
+            # It leads on from a place the robot may have left long ago.
+            return
+        if self._layer_m is None:
+            self._layer_m = state.altitude_m
         setpoint = Setpoint(
             robot_id=self.robot_id,
-            velocity=velocity,
-            waypoint=waypoint,
-            altitude_m=state.altitude_m,
-            ttl_s=self._settings.onboard_ttl_s,
+            velocity=planned.velocity,
+            waypoint=planned.waypoint,
+            altitude_m=self._layer_m,
+            ttl_s=left_s,
         )
         self._body.follow(setpoint, now_s)
 
@@ -300,7 +313,8 @@ class VehicleAgent:
             mode = wire.Mode.ONBOARD
         reason = self._explained(state, mode, now_s)
         if mode is not self.mode:
-            part = wire.ModePart(
+            part = partial(
+                wire.ModePart,
                 mode=mode,
                 previous=self.mode,
                 reason=reason,

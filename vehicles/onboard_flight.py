@@ -3,12 +3,26 @@
 import asyncio
 import logging
 from collections.abc import Callable
+from dataclasses import dataclass
 
 from solver.problem import Budget
 from solver.zones import Point, Zone
 from vehicles.onboard import OnboardPilot
 
 logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True)
+class OnboardPlan:
+    """Where to fly alone, planned from where the robot was `age_s` ago."""
+
+    velocity: Point
+    """m/s."""
+
+    waypoint: Point
+    """After one planning step, metres."""
+
+    age_s: float
 
 
 class OnboardFlight:
@@ -27,6 +41,7 @@ class OnboardFlight:
         self._planning: asyncio.Future[tuple[Point, Point]] | None = None
         self._told: list[Callable[[OnboardPilot], None]] = []
         self._started_s = 0.0
+        self._asked_s = 0.0
         self.plan_s: float | None = None
         """How long the last plan took, None before the first."""
 
@@ -50,20 +65,26 @@ class OnboardFlight:
         """Tell the pilot of a zone that has hit the robot."""
         self.tell(lambda pilot: pilot.reveal(zone))
 
-    async def plan(
-        self, now_s: float, position: Point, velocity: Point
-    ) -> tuple[Point, Point] | None:
-        """Return velocity and way-point, None when no new plan is ready in time.
+    async def plan(self, now_s: float, position: Point, velocity: Point) -> OnboardPlan | None:
+        """Return a plan, None when none is ready in time.
 
-        A solve that takes longer goes on; its plan is returned by the step that finds it ready.
+        A solve that takes longer goes on; its plan is returned by the step that finds it ready,
+        and is then as old as it says.
+
+        Args:
+            now_s: This machine's monotonic clock.
+            position: Where the robot is, metres.
+            velocity: Its velocity, m/s.
         """
         if self._planning is None:
+            self._asked_s = now_s
             self._planning = asyncio.ensure_future(
                 asyncio.to_thread(self._pilot.plan, now_s, position, velocity, self._budget)
             )
             self._started_s = asyncio.get_running_loop().time()
         await asyncio.wait({self._planning}, timeout=self._wait_s)
-        return self._finished()
+        planned = self._finished()
+        return None if planned is None else OnboardPlan(*planned, now_s - self._asked_s)
 
     async def close(self) -> None:
         """Wait for a solve that is under way."""

@@ -65,8 +65,18 @@ class Reporter:
             now_s,
         )
 
-    def note(self, at_s: float, part: Part) -> None:
-        """Let an event wait until it can be heard. A newer return replaces one that waits."""
+    def note(self, at_s: float, make: Callable[[], Part]) -> None:
+        """Let an event wait until it can be heard. A newer return replaces one that waits.
+
+        Args:
+            at_s: When it happened, on this machine's monotonic clock.
+            make: Makes its words; what cannot be said is counted (`unsaid`).
+        """
+        try:
+            part = make()
+        except ValidationError as error:
+            self._leave_unsaid(Topic.EVENTS, error)
+            return
         if isinstance(part, wire.ReturnPart):
             kept = (one for one in self._pending if not isinstance(one[1], wire.ReturnPart))
             self._pending = deque(kept)
@@ -104,8 +114,11 @@ class Reporter:
         try:
             message = make(self._sender.header(key, now_s))
         except ValidationError as error:
-            # A body that reports nonsense must not bring its agent down.
-            self.unsaid += 1
-            logger.error("robot %d cannot say its %s: %s", self.robot_id, topic.value, error)
+            self._leave_unsaid(topic, error)
             return
         self._bus.publish(key, wire.encode(message))
+
+    def _leave_unsaid(self, topic: Topic, error: ValidationError) -> None:
+        """Count what cannot be said: a body that reports nonsense must not end its agent."""
+        self.unsaid += 1
+        logger.error("robot %d cannot say its %s: %s", self.robot_id, topic.value, error)

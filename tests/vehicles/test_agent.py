@@ -144,6 +144,22 @@ async def test_jammed_in_flight_it_goes_on_by_its_own_plan_until_it_is_out() -> 
         assert made.velocity(21) == (1.0, 0.0), "the planner's again"
 
 
+async def test_alone_it_keeps_to_the_altitude_it_was_sent_to() -> None:
+    setup = replace(PAIR, zones=(dense(ZoneKind.COMMUNICATION, 0.5),), attack_period_s=0.01)
+    async with rig(setup) as made:
+        made.velocities = {21: (1.0, 0.0)}
+        await made.tick()
+        made.tell(21, zones=())
+        while (21, "jammed") not in made.links():
+            await made.tick()
+        world = made.simulation.world
+        before_m = world.robot_state(21).altitude_m
+        assert before_m > 2.0, "still on its way down to 1.5 m"
+        await made.tick(4)
+        assert world.failures(21).communication
+        assert world.robot_state(21).altitude_m == pytest.approx(before_m - 4 * TICK_S * 0.5)
+
+
 async def test_a_sensing_failure_silences_the_sensor_and_not_the_robot() -> None:
     async with rig(hazardous(ZoneKind.SENSING)) as made:
         await made.tick(2)
@@ -262,6 +278,18 @@ async def test_a_stranger_under_its_own_id_makes_it_hold_and_tell() -> None:
         assert made.velocity(21) == (1.0, 0.0), "the stranger has gone"
 
 
+async def test_a_landing_goes_on_though_a_stranger_speaks_under_its_id() -> None:
+    async with rig(PAIR) as made:
+        await made.tick(2)
+        made.link.send_command(21, wire.Order.LAND, "operator")
+        await made.tick(3)
+        impostor = wire.decode(wire.State, json.dumps(SAMPLES[wire.State]).encode())
+        made.hub.publish(KEYS.robot(21, Topic.STATE), wire.encode(impostor))
+        await made.tick(250)
+        assert made.simulation.world.robot_state(21).altitude_m < 0.05
+        assert "landed" in [n.text for n in made.notices if n.code == "done"]
+
+
 async def test_a_second_planner_is_refused_while_the_first_is_alive() -> None:
     async with rig(PAIR) as made:
         made.velocities = {21: (1.0, 0.0)}
@@ -376,7 +404,13 @@ async def test_a_solve_that_takes_too_long_holds_nobody_up() -> None:
             slow.gate.set()
             await until(lambda: len(slow.problems) > 0)
             await asyncio.sleep(0.01)
-            await made.tick(3)
+            await made.tick()
+            assert made.velocity(21) == (0.0, 0.0), "that plan is of a place of a second ago"
+            for _ in range(round(PATIENCE_S / 0.005)):
+                await made.tick()
+                if made.velocity(21) == (0.1, 0.0):
+                    break
+                await asyncio.sleep(0.005)
             assert made.velocity(21) == (0.1, 0.0)
     finally:
         slow.gate.set()
