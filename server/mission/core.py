@@ -193,27 +193,26 @@ class MissionCore:
     def commit(self, solution: Solution) -> tuple[Setpoint, ...]:
         """Take the tick's solution; return one setpoint per connected robot, in team order.
 
-        While held every velocity is zero, whatever was solved.
+        While held, every robot stands still where it began to hold. Altitudes are those set, not
+        those reported: sent to where it says it is, a robot keeps every error and leaves its layer.
         """
-        held = self._hold is HoldState.HELD
-        where = self._team.positions_of(self._lanes.rows)
-        if not held:
+        rows, robots = self._lanes.rows, self.setup.robots
+        velocities, places = solution.velocities[:, 0], solution.positions[:, 0]
+        if self._hold is HoldState.HELD:
+            velocities, places = np.zeros_like(velocities), self._team.hold_places(rows)
+        else:
             self._plans.keep(solution)
-        setpoints = []
-        for i, robot_id in enumerate(self._lanes.ids):
-            velocity, waypoint = solution.velocities[i, 0], solution.positions[i, 0]
-            if held:
-                velocity, waypoint = np.zeros(2), where[i]
-            setpoints.append(
-                Setpoint(
-                    robot_id=robot_id,
-                    velocity=(float(velocity[0]), float(velocity[1])),
-                    waypoint=(float(waypoint[0]), float(waypoint[1])),
-                    altitude_m=self._team.altitude_m(robot_id),
-                    ttl_s=self.setup.setpoint_ttl_s,
-                )
+        setpoints = tuple(
+            Setpoint(
+                robot_id=robots[row].id,
+                velocity=(u, v),
+                waypoint=(x, y),
+                altitude_m=robots[row].altitude_m,
+                ttl_s=self.setup.setpoint_ttl_s,
             )
-        self._team.command(tuple(setpoints))
+            for row, (u, v), (x, y) in zip(rows, velocities.tolist(), places.tolist(), strict=True)
+        )
+        self._team.command(setpoints)
         self._replan.clear()
         self.snapshot = self._picture(
             SolveSummary(
@@ -223,7 +222,7 @@ class MissionCore:
                 solve_s=solution.solve_s,
             )
         )
-        return tuple(setpoints)
+        return setpoints
 
     def _go_on(self, start: Checkpoint) -> None:
         """Take over where another core was broken off; robots hold until somebody resumes."""
@@ -266,6 +265,7 @@ class MissionCore:
                     self._take_prior(observation)
                 case HoldChange():
                     self._hold = observation.state
+                    self._team.let_go()
                     self._plans.clear()
         heard = tuple(d for d in detections if self._team.link_of(d.robot_id) is Link.CONNECTED)
         self._beliefs = estimation.update(

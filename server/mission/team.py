@@ -15,6 +15,9 @@ from solver.snapshot import RobotTable
 GHOST_S = 5.0
 """A robot out of reach is kept clear of for this long where it was last seen."""
 
+HOLD_REACH_M = 1.0
+"""Farther than this from where it began to hold, a robot still brakes or was moved by others."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Lanes:
@@ -47,6 +50,7 @@ class TeamBook:
         self._heard_s: list[float | None] = [None] * count
         self._setpoints = np.zeros((count, 2))
         self._waypoints = self._positions.copy()
+        self._holds = np.full((count, 2), np.nan)
         self._lanes: Lanes | None = None
 
     def row(self, robot_id: int) -> int | None:
@@ -127,9 +131,21 @@ class TeamBook:
         """Return the mask (M,)."""
         return frozen_bool(self._sensing_failed)
 
-    def altitude_m(self, robot_id: int) -> float:
-        """Return a robot's altitude. Raises KeyError for an unknown id."""
-        return float(self._altitudes[self._rows[robot_id]])
+    def hold_places(self, rows: tuple[int, ...]) -> FloatArray:
+        """Return where robots are to hold, (len(rows), 2) metres: where they began to.
+
+        One place, not the newest report: sent to where it says it is, a robot would drift with
+        the wind. Who is farther off than `HOLD_REACH_M` begins anew where it is.
+        """
+        chosen = list(rows)
+        here, there = self._positions[chosen], self._holds[chosen]
+        near = np.linalg.norm(here - there, axis=1) <= HOLD_REACH_M
+        self._holds[chosen] = np.where(near[:, None], there, here)
+        return frozen(self._holds[chosen].reshape(-1, 2))
+
+    def let_go(self) -> None:
+        """Forget where robots began to hold."""
+        self._holds[:] = np.nan
 
     def ghosts(self, now_s: float, fresh_s: float = GHOST_S) -> FloatArray:
         """Return where robots that are not flown here were last seen, if lately, (K, 2)."""

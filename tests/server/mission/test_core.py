@@ -26,6 +26,7 @@ from solver.observations import (
     TrackReport,
     ZoneDrawn,
 )
+from solver.setpoints import Setpoint
 from solver.snapshot import Guidance, TrackStatus
 from solver.zones import ZoneKind
 from tests.server.builders import (
@@ -190,6 +191,24 @@ def test_hold_zeroes_every_setpoint_at_the_next_tick_and_resume_flies_on() -> No
     core.observe(HoldChange(HoldState.FLYING))
     flying = core.commit(straight_solution(core.begin(0.2)))
     assert flying[0].velocity == (0.5, 0.0)
+
+
+def test_held_robots_keep_their_place_and_their_altitude_whatever_they_report() -> None:
+    core = MissionCore(mission_setup())
+    tick(core, 0.0)
+    core.observe(HoldChange(HoldState.HELD))
+
+    def held_at(now_s: float, place: tuple[float, float], altitude_m: float) -> Setpoint:
+        core.observe(replace(robot_state(21, place), altitude_m=altitude_m))
+        return core.commit(straight_solution(core.begin(now_s)))[0]
+
+    first = held_at(0.1, (-1.5, 0.2), 1.0)
+    assert (first.waypoint, first.altitude_m) == ((-1.5, 0.2), 1.0)
+    drifted = held_at(0.2, (-1.2, 0.3), 0.8)
+    assert (drifted.waypoint, drifted.altitude_m) == ((-1.5, 0.2), 1.0), "not where it drifts"
+    assert held_at(0.3, (3.0, 0.2), 1.0).waypoint == (3.0, 0.2), "somebody has moved it"
+    core.observe(HoldChange(HoldState.HELD))
+    assert held_at(0.4, (3.3, 0.2), 1.0).waypoint == (3.3, 0.2), "held anew"
 
 
 def test_a_comment_that_changed_the_assignment_pins_it_until_it_expires() -> None:
