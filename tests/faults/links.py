@@ -52,8 +52,8 @@ class MavlinkLink:
 
     async def __aenter__(self) -> "MavlinkLink":
         here = Endpoint(Side.IN, "127.0.0.1", 0)
-        self._front: UdpSocket = await open_udp(here, self._from_bridge)
-        self._back: UdpSocket = await open_udp(here, self._from_autopilot)
+        self._front: UdpSocket = await open_udp(here, None, self._from_bridge)
+        self._back: UdpSocket = await open_udp(here, None, self._from_autopilot)
         self.port = self._front.port
         return self
 

@@ -102,8 +102,9 @@ async def connected(
     Raises:
         vehicles.mavlink.udp.EndpointError: The link cannot be opened.
     """
-    body = MavlinkBody(session, Peers(await peer_of(endpoint), most=1), clock)
-    body.socket = await open_udp(endpoint, body.receive)
+    peer = await peer_of(endpoint)
+    body = MavlinkBody(session, Peers(peer, most=1), clock)
+    body.socket = await open_udp(endpoint, peer, body.receive)
     logger.info("listening for a vehicle at %s", endpoint)
     try:
         async with alongside(body.run()):

@@ -65,8 +65,9 @@ async def flying(
     Raises:
         vehicles.mavlink.udp.EndpointError: The endpoint cannot be opened.
     """
-    simulator = Simulator(autopilot, Peers(await peer_of(endpoint), most=MAX_PEERS), clock)
-    simulator.socket = await open_udp(endpoint, simulator.receive)
+    peer = await peer_of(endpoint)
+    simulator = Simulator(autopilot, Peers(peer, most=MAX_PEERS), clock)
+    simulator.socket = await open_udp(endpoint, peer, simulator.receive)
     try:
         async with alongside(simulator.run()):
             yield simulator

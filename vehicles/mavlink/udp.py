@@ -2,6 +2,7 @@
 
 import asyncio
 import re
+import socket
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
@@ -151,25 +152,36 @@ class UdpSocket(asyncio.DatagramProtocol):
             await self._closed
 
 
-async def open_udp(endpoint: Endpoint, receive: Callable[[bytes, Address], None]) -> UdpSocket:
+async def open_udp(
+    endpoint: Endpoint, peer: Address | None, receive: Callable[[bytes, Address], None]
+) -> UdpSocket:
     """Open an endpoint on the running loop.
+
+    Args:
+        endpoint: Ours.
+        peer: The fixed peer, as `peer_of` found it: the socket speaks its kind of address.
+        receive: Called with every datagram and where it came from; must not raise.
 
     Raises:
         EndpointError: The address cannot be had.
     """
-    family_host = "::" if ":" in endpoint.host else "0.0.0.0"
-    bound = (endpoint.host, endpoint.port) if endpoint.side is Side.IN else (family_host, 0)
+    bound = (endpoint.host, endpoint.port)
+    if peer is not None:
+        bound = ("::" if ":" in peer[0] else "0.0.0.0", 0)
     try:
-        _, socket = await asyncio.get_running_loop().create_datagram_endpoint(
+        _, opened = await asyncio.get_running_loop().create_datagram_endpoint(
             lambda: UdpSocket(receive), local_addr=bound
         )
     except OSError as error:
         raise EndpointError(f"cannot open {endpoint}: {error.strerror or error}") from error
-    return socket
+    return opened
 
 
 async def peer_of(endpoint: Endpoint) -> Address | None:
     """Return the fixed peer of an endpoint, None where peers are to be learned.
+
+    Of a name that has addresses of both kinds the IPv4 one counts: that is where autopilots and
+    their tools listen.
 
     Raises:
         EndpointError: Its name is not known.
@@ -180,5 +192,6 @@ async def peer_of(endpoint: Endpoint) -> Address | None:
         found = await asyncio.get_running_loop().getaddrinfo(endpoint.host, endpoint.port)
     except OSError as error:
         raise EndpointError(f"{endpoint}: {error.strerror or error}") from error
-    host, port = found[0][4][:2]
+    addresses = sorted(found, key=lambda one: one[0] is not socket.AF_INET)
+    host, port = addresses[0][4][:2]
     return (str(host), int(port))

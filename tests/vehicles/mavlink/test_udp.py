@@ -1,6 +1,18 @@
+import asyncio
+import socket
+from typing import Any
+
 import pytest
 
-from vehicles.mavlink.udp import PEER_SILENT_S, EndpointError, Peers, Side, parse_endpoint
+from vehicles.mavlink.udp import (
+    PEER_SILENT_S,
+    EndpointError,
+    Peers,
+    Side,
+    open_udp,
+    parse_endpoint,
+    peer_of,
+)
 
 A, B, C = ("10.0.0.1", 1), ("10.0.0.2", 2), ("10.0.0.3", 3)
 
@@ -56,3 +68,36 @@ def test_several_peers_are_kept() -> None:
     assert peers.admits(C, 5.5)
     peers.hear(C, 5.5)
     assert peers.addresses() == (A, C)
+
+
+V6 = (socket.AF_INET6, socket.SOCK_DGRAM, 17, "", ("2001:db8::7", 14550, 0, 0))
+V4 = (socket.AF_INET, socket.SOCK_DGRAM, 17, "", ("192.0.2.7", 14550))
+
+
+@pytest.mark.asyncio
+@pytest.mark.parametrize(
+    ("addresses", "peer", "own"),
+    [
+        ([V6, V4], ("192.0.2.7", 14550), "0.0.0.0"),
+        ([V6], ("2001:db8::7", 14550), "::"),
+    ],
+)
+async def test_a_name_is_spoken_to_by_a_socket_of_its_kind_of_address(
+    monkeypatch: pytest.MonkeyPatch, addresses: list[Any], peer: tuple[str, int], own: str
+) -> None:
+    loop, bound = asyncio.get_running_loop(), []
+
+    async def resolved(*_: Any, **__: Any) -> list[Any]:
+        return addresses
+
+    async def noted(*_: Any, local_addr: tuple[str, int]) -> Any:
+        bound.append(local_addr)
+        raise OSError("only looked at")
+
+    monkeypatch.setattr(loop, "getaddrinfo", resolved)
+    monkeypatch.setattr(loop, "create_datagram_endpoint", noted)
+    endpoint = parse_endpoint("udpout:drone-7.local:14550")
+    assert await peer_of(endpoint) == peer
+    with pytest.raises(EndpointError, match="only looked at"):
+        await open_udp(endpoint, peer, lambda datagram, address: None)
+    assert bound == [(own, 0)]
