@@ -33,6 +33,8 @@ class VehicleOptions:
 
     take_off: TakeOffRule = TakeOffRule.FORBIDDEN
     take_off_altitude_m: float = 2.0
+    """In the common frame."""
+
     limits: FlightLimits = field(default_factory=FlightLimits)
     datum: Datum | None = None
     """Origin of the team's common frame; None where it is the vehicle's own local frame."""
@@ -60,8 +62,16 @@ class VehicleOptions:
 
         Raises:
             vehicles.mavlink.signing.SigningError: The key file does not serve.
-            ValueError: The MAVLink ids do not do, or nothing says where targets are seen from.
+            ValueError: The MAVLink ids do not do, nothing says where targets are seen from, or a
+                take-off would lead to where no setpoint may send it.
         """
+        low, high = self.limits.altitude_lower_m, self.limits.altitude_upper_m
+        inside = low <= self.take_off_altitude_m <= high
+        if self.take_off is TakeOffRule.ALLOWED and not inside:
+            raise ValueError(
+                f"take-off altitude {self.take_off_altitude_m:g} m: "
+                f"it must lie within {low:g} and {high:g} m"
+            )
         if self.targets and self.tags is None:
             raise ValueError("targets are seen by their tags where tags say where the vehicle is")
         guard = GuardSettings(

@@ -12,6 +12,10 @@ STANDING_M_S = 1e-3
 
 MAX_TTL_S = 10.0
 
+SETTLE_S = 1.0
+"""Who is to stand somewhere may be as far from there as it flies in this time at its limit: on
+the way it keeps to the autopilot's own speed, of which a setpoint that stands says nothing."""
+
 
 @dataclass(frozen=True, slots=True)
 class FlightLimits:
@@ -54,8 +58,11 @@ class FlightLimits:
             return f"life time {setpoint.ttl_s:g} s"
         if math.hypot(*setpoint.velocity) > self.speed_m_s * (1.0 + 1e-6):
             return f"faster than {self.speed_m_s:g} m/s"
-        if math.dist(setpoint.waypoint, position) > self.leap_m:
+        way_m = math.dist(setpoint.waypoint, position)
+        if way_m > self.leap_m:
             return f"way-point farther than {self.leap_m:g} m"
+        if math.hypot(*setpoint.velocity) < STANDING_M_S and way_m > self.speed_m_s * SETTLE_S:
+            return f"to stand {way_m:.1f} m away, and no speed to get there"
         if not self.altitude_lower_m <= setpoint.altitude_m <= self.altitude_upper_m:
             return f"altitude {setpoint.altitude_m:g} m"
         if self._outside_m(setpoint.waypoint) > self._outside_m(position) + 1e-6:

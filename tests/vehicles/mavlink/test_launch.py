@@ -3,7 +3,7 @@
 import asyncio
 import socket
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -28,6 +28,7 @@ from vehicles.mavlink.bridge import connected
 from vehicles.mavlink.dialects import Autopilot
 from vehicles.mavlink.flight import FlightSettings, Start
 from vehicles.mavlink.frames import Datum
+from vehicles.mavlink.guard import TakeOffRule
 from vehicles.mavlink.launch import VehicleOptions
 from vehicles.mavlink.signing import SigningError, signing_key
 from vehicles.mavlink.simulator import flying
@@ -94,6 +95,15 @@ class Ground:
         setpoint = Setpoint(self.robot_id, (speed_m_s, 0.0), way, 2.0, 0.5)
         message = translation.setpoint_message(self.sender.header(key, now_s), setpoint, "m1")
         self.bus.publish(key, wire.encode(message))
+
+
+@pytest.mark.parametrize("altitude_m", [0.2, 500.0, float("nan")])
+def test_a_take_off_never_leads_out_of_the_limits(altitude_m: float) -> None:
+    endpoint = parse_endpoint("udpin:127.0.0.1:14550")
+    grounded = VehicleOptions(7, endpoint, take_off_altitude_m=altitude_m)
+    assert grounded.fitting().senses is None
+    with pytest.raises(ValueError, match=r"must lie within 0\.5 and 120 m"):
+        replace(grounded, take_off=TakeOffRule.ALLOWED).fitting()
 
 
 def free_port() -> int:

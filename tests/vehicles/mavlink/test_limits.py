@@ -35,12 +35,18 @@ def test_a_good_setpoint_passes() -> None:
         ({"waypoint": (4.0, 4.0)}, "farther"),
         ({"altitude_m": 0.5}, "altitude"),
         ({"altitude_m": 9.0}, "altitude"),
+        ({"velocity": (0.0, 0.0), "waypoint": (0.0, 2.1)}, "to stand 2.1 m away"),
     ],
 )
 def test_objections(changes: dict[str, object], words: str) -> None:
     objection = LIMITS.objection(replace(GOOD, **changes), HERE)  # type: ignore[arg-type]
     assert objection is not None
     assert words in objection
+
+
+def test_a_vehicle_may_be_told_to_stand_where_it_is_or_nearly_so() -> None:
+    standing = replace(GOOD, velocity=(0.0, 0.0), waypoint=(0.0, 1.9))
+    assert LIMITS.objection(standing, HERE) is None
 
 
 def test_nobody_is_sent_out_of_the_field_but_anybody_may_come_back() -> None:
