@@ -1,13 +1,19 @@
 """What a run amounts to: the JSON contract of `falconer run --lockstep --json`."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
+
+import numpy as np
 
 from server.durations import Average, Durations
 from server.encoding import loop_answers
 from server.mission.setup import Compat, MissionSetup
 from solver.problem import Rung
-from solver.snapshot import CommentReceipt, Snapshot
+from solver.snapshot import CommentReceipt, Snapshot, TrackStatus
+from solver.zones import Point
+
+_SEEN = frozenset({TrackStatus.TRACKED, TrackStatus.COASTING})
 
 
 @dataclass(slots=True)
@@ -90,6 +96,24 @@ class WorldFigures:
 
     min_separation_m: float | None
     """Smallest distance of any two robots at any time, None for one robot."""
+
+
+def position_errors_m(snapshot: Snapshot, places: Mapping[int, Point]) -> list[float]:
+    """Return how far the estimates of targets that are tracked or coast lie from the truth.
+
+    Args:
+        snapshot: With the estimates, metres.
+        places: Where targets really are at that moment, by id; others are left out.
+    """
+    tracks = snapshot.tracks
+    rows = [
+        row
+        for row, (target_id, status) in enumerate(zip(tracks.ids, tracks.status, strict=True))
+        if status in _SEEN and target_id in places
+    ]
+    true = np.reshape([places[tracks.ids[row]] for row in rows], (-1, 2))
+    errors_m: list[float] = np.hypot(*(tracks.positions[rows] - true).T).tolist()
+    return errors_m
 
 
 def result_json(

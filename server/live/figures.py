@@ -16,14 +16,13 @@ from pydantic import TypeAdapter, ValidationError
 from llm.styles import Loop
 from server.durations import Average, Durations
 from server.mission.setup import MissionSetup
-from server.result import LoopTally, RunTally, WorldFigures, result_json
+from server.result import LoopTally, RunTally, WorldFigures, position_errors_m, result_json
 from solver.arrays import FloatArray
 from solver.problem import Rung
-from solver.snapshot import Snapshot, TrackStatus
+from solver.snapshot import Snapshot
 from solver.zones import ZoneKind
 from vehicles.messages import Truth
-
-_SEEN = frozenset({TrackStatus.TRACKED, TrackStatus.COASTING})
+from vehicles.world.spacing import closest_m
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,7 +136,8 @@ class LiveFigures:
         self.reported.update(attack.kind for attack in snapshot.attacks)
         errors_m: list[float] = []
         if truth is not None:
-            errors_m = _errors_m(snapshot, truth)
+            places = {target.id: target.position for target in truth.targets}
+            errors_m = position_errors_m(snapshot, places)
             if truth.step != self._step:
                 self._see_world(truth)
                 self._move(truth)
@@ -196,20 +196,4 @@ class LiveFigures:
         else:
             self._path_m = self._path_m + np.hypot(*(places - self._places).T)
         self._places = places
-        if len(places) > 1:
-            gaps = np.hypot(*(places[:, None] - places[None, :]).transpose(2, 0, 1))
-            np.fill_diagonal(gaps, np.inf)
-            self._closest_m = min(self._closest_m, float(gaps.min()))
-
-
-def _errors_m(snapshot: Snapshot, truth: Truth) -> list[float]:
-    """Return the distance of each estimate to the truth."""
-    where = {target.id: target.position for target in truth.targets}
-    tracks = snapshot.tracks
-    return [
-        float(np.hypot(*(position - np.asarray(where[target_id]))))
-        for target_id, position, status in zip(
-            tracks.ids, tracks.positions, tracks.status, strict=True
-        )
-        if status in _SEEN and target_id in where
-    ]
+        self._closest_m = min(self._closest_m, closest_m(places))

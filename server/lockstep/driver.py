@@ -4,27 +4,22 @@ import time
 from collections.abc import Callable
 from typing import Any, Protocol
 
-import numpy as np
-
 from server.gate.encoding import with_decisions
 from server.lockstep.council import Council
 from server.lockstep.job import ScriptedComment
 from server.lockstep.robots import SimulatedTeam
 from server.mission.setup import MissionSetup
-from server.result import LoopTally, RunTally, WorldFigures, result_json
+from server.result import LoopTally, RunTally, WorldFigures, position_errors_m, result_json
 from solver.observations import Comment
 from solver.planner import Planner
 from solver.problem import Budget
-from solver.snapshot import Snapshot, TrackStatus
+from solver.snapshot import Snapshot
 from solver.zones import ZoneKind
 from vehicles.world.state import Truth
 from vehicles.world.world import World
 
 LOCKSTEP_BUDGET = Budget(iterations=200)
 """Of a solve: iterations, never wall time, so that a run can be repeated bit for bit."""
-
-_SEEN = frozenset({TrackStatus.TRACKED, TrackStatus.COASTING})
-
 
 Witness = Callable[[Snapshot, World], None]
 """Told of every finished step, after its move."""
@@ -146,17 +141,8 @@ class Lockstep:
     def _count(self, truth: Truth) -> None:
         """Count the tick: estimates beside the truth of the moment they are of."""
         snapshot = self._core.snapshot
-        where = {target.id: target.position for target in truth.targets}
-        errors_m = [
-            float(np.hypot(*(position - np.asarray(where[target_id]))))
-            for target_id, position, status in zip(
-                snapshot.tracks.ids,
-                snapshot.tracks.positions,
-                snapshot.tracks.status,
-                strict=True,
-            )
-            if status in _SEEN
-        ]
+        places = {target.id: target.position for target in truth.targets}
+        errors_m = position_errors_m(snapshot, places)
         connected = len(self._team.jammed) < len(self._setup.robots)
         authors = (snapshot.trace if connected else 0.0) + self._team.private_trace()
         self._tally.step(snapshot, errors_m, authors)

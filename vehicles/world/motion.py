@@ -4,6 +4,7 @@ Motions with a given path (waypoints, circle, replay) are functions of time, exa
 size; linear and random-walk motion are advanced step by step, as in the paper's simulation.
 """
 
+from bisect import bisect_left
 from dataclasses import dataclass
 from enum import StrEnum
 from itertools import pairwise
@@ -158,11 +159,13 @@ def _along(motion: Waypoints, start: Point, way_m: float) -> Point:
 
 
 def _recorded(motion: Replay, time_s: float) -> Point:
-    samples = list(zip(motion.times_s, motion.positions, strict=True))
-    if time_s <= samples[0][0]:
-        return samples[0][1]
-    for (t0, a), (t1, b) in pairwise(samples):
-        if time_s <= t1:
-            share = (time_s - t0) / (t1 - t0)
-            return (a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1]))
-    return samples[-1][1]
+    times, places = motion.times_s, motion.positions
+    # Searched, not walked through: tracks are long, and every tick looks twice.
+    after = bisect_left(times, time_s)
+    if after == 0:
+        return places[0]
+    if after == len(times):
+        return places[-1]
+    a, b = places[after - 1 : after + 1]
+    share = (time_s - times[after - 1]) / (times[after] - times[after - 1])
+    return (a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1]))

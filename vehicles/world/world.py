@@ -19,6 +19,7 @@ from vehicles.world.attacks import densities, hit_probabilities, jammed
 from vehicles.world.motion import Kinematics, Linear, RandomWalk, advance, at_time
 from vehicles.world.sensing import measure
 from vehicles.world.setup import Discovery, WorldRobot, WorldSetup, WorldTarget, WorldZone
+from vehicles.world.spacing import closest_m
 from vehicles.world.state import (
     Cause,
     Failures,
@@ -62,7 +63,7 @@ class World:
         self._hits = dict.fromkeys(KINDS, 0)
         self._paths = np.zeros(len(setup.robots))
         self._placed = np.zeros(len(setup.robots), dtype=np.bool_)
-        self._separation = _smallest_distance(self._positions)
+        self._separation = closest_m(self._positions)
 
     # ------------------------------------------------------------------ one step
 
@@ -191,7 +192,7 @@ class World:
         for target in self.setup.targets:
             self._targets[target.id] = self._advanced(target, dt_s)
         self._zones = tuple(_zone_at(zone, self.time_s) for zone in self.setup.zones)
-        self._separation = min(self._separation, _smallest_distance(self._positions))
+        self._separation = min(self._separation, closest_m(self._positions))
 
     # ------------------------------------------------------------------ what is true now
 
@@ -263,7 +264,7 @@ class World:
                 raise KeyError(target.id)
             self._targets[target.id] = Kinematics(target.position, target.velocity)
         self._zones = tuple(_zone_at(zone, self.time_s) for zone in self.setup.zones)
-        self._separation = _smallest_distance(self._positions)
+        self._separation = closest_m(self._positions)
 
     # ------------------------------------------------------------------ counters
 
@@ -354,14 +355,6 @@ def _is_double(robots: tuple[WorldRobot, ...]) -> BoolArray:
     return np.array(
         [[robot.dynamics is Dynamics.DOUBLE_INTEGRATOR] for robot in robots], dtype=np.bool_
     ).reshape(-1, 1)
-
-
-def _smallest_distance(positions: FloatArray) -> float:
-    """Return the smallest distance between two rows, infinite with fewer than two."""
-    if len(positions) < 2:
-        return float("inf")
-    first, second = np.triu_indices(len(positions), k=1)
-    return float(np.linalg.norm(positions[first] - positions[second], axis=1).min())
 
 
 def _zone_at(zone: WorldZone, time_s: float) -> Zone:
