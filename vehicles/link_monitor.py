@@ -63,6 +63,10 @@ class LinkMonitor:
         self._began_s = now_s
         self._robots = {robot_id: _Robot() for robot_id in robot_ids}
 
+    def knows(self, robot_id: int) -> bool:
+        """Tell whether a robot is of this team."""
+        return robot_id in self._robots
+
     def heard(self, robot_id: int, boot: str, now_s: float) -> Standing:
         """Take a sign of life; return whether its sender is to be listened to."""
         robot = self._robots.get(robot_id)

@@ -259,6 +259,10 @@ class TeamLink:
         kind = SPOKEN.get(topic)
         if kind is None:
             return
+        if not self._monitor.knows(robot_id):
+            # Unread: strangers by the thousand must not cost the tick their decoding.
+            self._refuse_sender(robot_id, Standing.UNKNOWN, time_s)
+            return
         try:
             message = wire.decode(kind, sample.payload)
         except wire.MessageError as error:
@@ -269,8 +273,7 @@ class TeamLink:
             return
         standing = self._monitor.heard(robot_id, message.boot, now_s)
         if standing is not Standing.KNOWN:
-            words = f"robot {robot_id}: {STANDINGS[standing]}"
-            self._refuse(robot_id, standing.value, words, time_s)
+            self._refuse_sender(robot_id, standing, time_s)
             return
         self._warned.discard((robot_id, Standing.DUPLICATE.value))
         if not self._newer(sample.key, message):
@@ -315,6 +318,10 @@ class TeamLink:
     def _say(self, robot_id: int | None, code: str, text: str, time_s: float) -> None:
         if len(self._notices) < MAX_NOTICES:
             self._notices.append(Notice(robot_id, code, text, time_s))
+
+    def _refuse_sender(self, robot_id: int, standing: Standing, time_s: float) -> None:
+        words = f"robot {robot_id}: {STANDINGS[standing]}"
+        self._refuse(robot_id, standing.value, words, time_s)
 
     def _refuse(self, robot_id: int, code: str, text: str, time_s: float) -> None:
         """Count a refusal; tell people of the first of its kind only."""

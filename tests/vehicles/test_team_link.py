@@ -167,6 +167,24 @@ async def test_junk_is_counted_and_does_no_harm() -> None:
         assert desk.link.truth() is None
 
 
+async def test_strangers_are_not_even_read(monkeypatch: pytest.MonkeyPatch) -> None:
+    read: list[bytes] = []
+
+    def decode(kind: type[wire.Message], payload: bytes) -> wire.Message:
+        read.append(payload)
+        return wire_decode(kind, payload)
+
+    wire_decode = wire.decode
+    monkeypatch.setattr(wire, "decode", decode)
+    async with Desk() as desk:
+        for robot_id in range(100, 200):
+            desk.say(wire.State, robot_id=robot_id)
+        desk.say(wire.State)
+        assert kinds(desk.link.drain(0.0)) == ["LinkChange", "RobotState"]
+        assert desk.link.refused == 100
+    assert len(read) == 1
+
+
 async def test_a_robot_that_floods_delays_itself_only() -> None:
     """A thousand true events at once: some in each tick, all in order, others' at once."""
     async with Desk() as desk:
