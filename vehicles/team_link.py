@@ -1,10 +1,9 @@
 """The planner's end of the bus: observations come in, setpoints and knowledge go out.
 
 Everything waits in inboxes until the mission's tick drains it; nothing happens to the mission
-between ticks. Events and tokens also set `wake`, so that loops can react at once.
+between ticks.
 """
 
-import asyncio
 import logging
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
@@ -91,9 +90,6 @@ class TeamLink:
         clock: Callable[[], float],
         settings: LinkSettings,
     ) -> None:
-        self.wake = asyncio.Event()
-        """Set when an event or a token has arrived; whoever waits clears it."""
-
         self.refused = 0
         """Messages refused since the start: not valid, of unknown robots or of second runs."""
 
@@ -102,7 +98,7 @@ class TeamLink:
         self._monitor = LinkMonitor(robot_ids, settings, clock())
         self._sender = translation.Sender(boot)
         self._latest = Inbox(keys.delivery)
-        self._events = Inbox(keys.delivery, self.wake.set, per_drain=EVENTS_PER_TICK)
+        self._events = Inbox(keys.delivery, per_drain=EVENTS_PER_TICK)
         self._seqs: dict[str, tuple[str, int]] = {}
         self._notices: list[Notice] = []
         self._warned: set[tuple[int, str]] = set()

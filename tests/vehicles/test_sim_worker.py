@@ -22,6 +22,7 @@ from vehicles.link_monitor import LinkSettings
 from vehicles.settings import SimulationSettings
 from vehicles.sim_job import JobError, SimulationJob, dump_job, load_job
 from vehicles.team_link import TeamLink
+from vehicles.world.motion import Circle, Linear, Motion, RandomWalk, Replay, Waypoints
 from vehicles.world.setup import WorldTarget
 from vehicles.zenoh_bus import ZenohBus
 from vehicles.zenoh_settings import ZenohMode, ZenohSettings
@@ -44,6 +45,11 @@ def job(endpoints: tuple[str, ...]) -> SimulationJob:
         zenoh=ZenohSettings(connect=endpoints),
         simulation=SimulationSettings(seed=3, tick_s=0.05),
     )
+
+
+def damaged(**changes: object) -> dict[str, object]:
+    """Return the world of the job as JSON values, changed."""
+    return {**json.loads(dump_job(job(("tcp/127.0.0.1:1",))))["world"], **changes}
 
 
 @asynccontextmanager
@@ -216,10 +222,30 @@ def test_a_job_survives_json() -> None:
     assert dump_job(again) == text
 
 
+def test_every_motion_survives_json() -> None:
+    motions: tuple[Motion, ...] = (
+        Linear(),
+        RandomWalk(0.2),
+        Waypoints(((1.0, 2.0),), 0.5),
+        Circle((0.0, 1.0), -0.3),
+        Replay((0.0, 1.0), ((0.0, 0.0), (1.0, 1.0))),
+    )
+    targets = tuple(
+        WorldTarget(100 + index, (float(index), 0.0), motion=motion)
+        for index, motion in enumerate(motions)
+    )
+    moving = replace(job(("tcp/127.0.0.1:1",)), world=replace(WORLD, targets=targets))
+    assert load_job(dump_job(moving)).world == moving.world
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [
         ({"world": None}, "world"),
+        ({"world": damaged(robots=[{"id": 1}])}, r"world\.robots\.0\.position"),
+        ({"world": damaged(noise="loud")}, r"world\.noise"),
+        ({"world": damaged(attack_period_s=-1.0)}, "attack_period_s: -1.0"),
+        ({"world": damaged(recover_density=float("nan"))}, "recover_density"),
         ({"zenoh": {"mode": "client"}}, "zenoh.*needs an endpoint"),
         ({"simulation": {"seed": "x"}}, r"simulation\.seed"),
     ],

@@ -1,6 +1,5 @@
 """The planner's end of the bus, in virtual time."""
 
-import asyncio
 import json
 from typing import Any
 
@@ -208,25 +207,6 @@ async def test_a_flood_of_events_is_bounded_and_said() -> None:
         desk.link.drain(0.0)
         codes = [notice.code for notice in desk.link.take_notices()]
         assert codes == ["refused", "dropped"]
-
-
-async def test_events_and_tokens_wake_and_states_do_not() -> None:
-    async with Desk() as desk, LocalBus(desk.hub) as vehicles:
-        desk.say(wire.State)
-        await _turn()
-        assert not desk.link.wake.is_set()
-        desk.say(wire.Event)
-        await _turn()
-        assert desk.link.wake.is_set()
-        desk.link.wake.clear()
-        desk.link.drain(0.0)
-        await vehicles.announce(KEYS.alive(26))
-        await _turn()
-        assert desk.link.wake.is_set()
-
-
-async def _turn() -> None:
-    await asyncio.sleep(0)
 
 
 async def test_what_is_sent_arrives_as_it_is() -> None:

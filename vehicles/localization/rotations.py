@@ -76,26 +76,6 @@ def matrix_of(q: FloatArray) -> FloatArray:
     return np.swapaxes(turned(q[..., None, :], np.eye(3)), -1, -2)
 
 
-def of_matrix(rotation: FloatArray) -> FloatArray:
-    """Return the quaternion (4,) of a rotation matrix (3, 3), by its dominant eigenvector."""
-    m = rotation
-    k = np.array(
-        [
-            [m[0, 0] + m[1, 1] + m[2, 2], 0.0, 0.0, 0.0],
-            [m[2, 1] - m[1, 2], m[0, 0] - m[1, 1] - m[2, 2], 0.0, 0.0],
-            [m[0, 2] - m[2, 0], m[0, 1] + m[1, 0], m[1, 1] - m[0, 0] - m[2, 2], 0.0],
-            [
-                m[1, 0] - m[0, 1],
-                m[0, 2] + m[2, 0],
-                m[1, 2] + m[2, 1],
-                m[2, 2] - m[0, 0] - m[1, 1],
-            ],
-        ]
-    )
-    q: FloatArray = np.linalg.eigh(k, UPLO="L")[1][:, -1]
-    return -q if q[0] < 0.0 else q
-
-
 def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
     """Return a x b over the last axis; quicker than numpy's own for small arrays."""
     ax, ay, az = a[..., 0], a[..., 1], a[..., 2]

@@ -1,6 +1,7 @@
 """What a simulated world is made of. Immutable; checked when made.
 
-Frame ENU, metres, seconds. Made from a scenario, or read from JSON (`vehicles.world.files`).
+Frame ENU, metres, seconds. Made from a scenario; goes to the world's process as JSON
+(`vehicles.sim_job`).
 """
 
 from dataclasses import dataclass, field
