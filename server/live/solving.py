@@ -6,24 +6,20 @@ the engine comes back. Its late answer is thrown away.
 """
 
 import asyncio
-import threading
 import time
-from collections.abc import Callable
 from dataclasses import replace
-from queue import SimpleQueue
-from typing import Protocol
+from typing import Protocol, Self
 
 import numpy as np
 import structlog
 
+from server.live.threads import WorkThread
 from server.mission.tape import Committed, LatePlan
 from solver.arrays import frozen
 from solver.planner import Planner
 from solver.problem import Budget, EngineFailed, Problem, Rung, Solution
 
 log = structlog.get_logger(__name__)
-
-_Job = Callable[[], None]
 
 
 class Solver(Protocol):
@@ -92,45 +88,36 @@ def _cut_short(problem: Problem, recorded: Committed, plan: LatePlan) -> Solutio
 
 
 class SolveThread:
-    """Solves one problem at a time beside the event loop. Use it as a context.
-
-    The thread is a daemon: a solve that hangs for ever does not keep the process from ending.
-    """
+    """Solves one problem at a time beside the event loop. Use it as a context."""
 
     def __init__(self, planner: Planner) -> None:
         self._planner = planner
         self._fallback = Planner(AbsentEngine())
-        self._jobs: SimpleQueue[_Job | None] = SimpleQueue()
+        self._thread = WorkThread("solve")
         self._busy = False
         self.stuck = 0
         """Solves that were not waited for to the end."""
 
-    def __enter__(self) -> "SolveThread":
-        threading.Thread(target=self._work, name="solve", daemon=True).start()
+    def __enter__(self) -> Self:
+        self._thread.__enter__()
         return self
 
     def __exit__(self, *exception: object) -> None:
-        self._jobs.put(None)
+        self._thread.__exit__(*exception)
 
     async def solve(self, problem: Problem, budget: Budget, patience_s: float) -> Solution:
         """Return the planner's solution, or the fallback's after `patience_s`. Never raises."""
         if self._busy:
             return self._fallback.solve(problem, budget)
-        loop = asyncio.get_running_loop()
-        answer: asyncio.Future[Solution] = loop.create_future()
+        answer: asyncio.Future[Solution] = asyncio.get_running_loop().create_future()
 
         def deliver(solution: Solution) -> None:
             self._busy = False
             if not answer.done():
                 answer.set_result(solution)
 
-        def work() -> None:
-            solution = timed(self._planner, problem, budget)
-            if not loop.is_closed():
-                loop.call_soon_threadsafe(deliver, solution)
-
         self._busy = True
-        self._jobs.put(work)
+        self._thread.submit(lambda: timed(self._planner, problem, budget), deliver)
         try:
             async with asyncio.timeout(patience_s):
                 return await answer
@@ -139,7 +126,3 @@ class SolveThread:
             words = "a plan was not ready in time; the last one is flown on"
             log.warning(words, patience_s=round(patience_s, 3), times=self.stuck)
             return self._fallback.solve(problem, budget)
-
-    def _work(self) -> None:
-        while (job := self._jobs.get()) is not None:
-            job()

@@ -67,6 +67,8 @@ class Worker:
         self._prepared: asyncio.Future[str] = loop.create_future()
         self._go = asyncio.Event()
         self._mission: LiveMission | None = None
+        self._mission_id = ""
+        self._decisions_made = 0
         self._recording: str | None = None
 
     async def handle(self, op: str, params: Json) -> Json:
