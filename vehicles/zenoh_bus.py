@@ -24,6 +24,7 @@ import zenoh
 from vehicles.bus import BusError
 from vehicles.inbox import Receiver, Sample, SampleKind
 from vehicles.keys import Delivery
+from vehicles.repetition import Repetition
 from vehicles.zenoh_refusal import refusal
 from vehicles.zenoh_settings import ZenohSettings, configuration
 
@@ -86,6 +87,7 @@ class ZenohBus:
         self._waiting = 0
         self._long: dict[str, bytes] = {}
         self._dropped = 0
+        self._drops = Repetition(logger)
         self._endpoints: tuple[str, ...] = ()
         self._held: set[Declared] = set()
 
@@ -134,21 +136,21 @@ class ZenohBus:
         if latest and len(payload) <= WHOLE_BYTES:
             session.put(key, payload, congestion_control=zenoh.CongestionControl.DROP)
             return
-        with self._lock:
-            if latest:
+        if latest:
+            with self._lock:
                 waits = key in self._long
                 self._long[key] = payload
-                if waits:
-                    return
-            elif self._waiting >= MAX_WAITING:
-                self._dropped += 1
-                return
-            else:
-                self._waiting += 1
-        if latest:
-            writer.submit(self._write_long, session, key)
-        else:
+            if not waits:
+                writer.submit(self._write_long, session, key)
+            return
+        with self._lock:
+            room = self._waiting < MAX_WAITING
+            self._waiting += room
+            self._dropped += not room
+        if room:
             writer.submit(self._write, session, key, payload)
+        else:
+            self._drops.warn(monotonic(), "an event on %s is dropped: too many wait", key)
 
     async def subscribe(self, key_expr: str, inbox: Receiver) -> ZenohSubscription:
         """Let whatever is published under matching keys wait in an inbox."""

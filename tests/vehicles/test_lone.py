@@ -9,7 +9,7 @@ from benchmarks.fleet import FALCONER, Fleet
 from solver.observations import Detections, Link, LinkChange, RobotState
 from solver.setpoints import Setpoint
 from tests.patience import PATIENCE_S
-from tests.vehicles.buses import LOOPBACK
+from tests.vehicles.buses import LOOPBACK, until
 from tests.vehicles.pilots import knowledge
 from tests.vehicles.world.worlds import robot
 from vehicles import messages as wire
@@ -47,14 +47,18 @@ async def test_held_up_it_does_not_leap() -> None:
     now_s = 0.0
     body = LoneBody(robot(21, 0.0), lambda: now_s)
     body.follow(Setpoint(21, (1.0, 0.0), (0.5, 0.0), 11.5, 10.0), 0.0)
+
+    def east_m() -> float:
+        state = body.state(5.0)
+        assert state is not None
+        return state.position[0]
+
     running = asyncio.create_task(body.run())
-    await asyncio.sleep(0.01)
+    await asyncio.sleep(0)
     now_s = 5.0
-    await asyncio.sleep(0.08)
+    await until(lambda: east_m() > 0.0)
     running.cancel()
-    state = body.state(5.0)
-    assert state is not None
-    assert 0.0 < state.position[0] <= 0.1 + 1e-9
+    assert east_m() <= 0.1 + 1e-9
 
 
 @pytest.mark.process

@@ -11,9 +11,11 @@ import pytest
 
 from tests.patience import PATIENCE_S, patience_s
 from tests.vehicles.buses import KEYS, LOOPBACK, Reader, reaches, until
+from vehicles import zenoh_bus
 from vehicles.bus import BusError
 from vehicles.inbox import SampleKind
 from vehicles.keys import Topic
+from vehicles.repetition import MOST
 from vehicles.zenoh_bus import ZenohBus
 from vehicles.zenoh_settings import ZenohMode, ZenohSettings, configuration
 
@@ -199,3 +201,16 @@ async def test_publishing_never_holds_up_the_loop_and_closing_leaves_no_thread()
         assert vehicle.dropped == 0
     left = {thread.name for thread in threading.enumerate()} - before
     assert not {name for name in left if name.startswith("zenoh-writer")}
+
+
+@pytest.mark.asyncio
+async def test_an_event_for_which_there_is_no_room_is_dropped_counted_and_told(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(zenoh_bus, "MAX_WAITING", 0)
+    key = KEYS.robot(7, Topic.EVENTS)
+    async with ZenohBus(ROUTER, KEYS.delivery) as vehicle:
+        for _ in range(100):
+            vehicle.publish(key, b"x")
+        assert vehicle.dropped == 100
+    assert 1 <= caplog.text.count(f"an event on {key} is dropped") <= MOST

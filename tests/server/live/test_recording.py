@@ -1,6 +1,5 @@
 """A live mission on real processes, recorded: its file proves itself, also when it was killed."""
 
-import asyncio
 import os
 import signal
 from pathlib import Path
@@ -47,7 +46,9 @@ async def test_a_live_mission_is_recorded_and_gives_its_setpoints_again(tmp_path
         await eventually(lambda: any(c.status in ANSWERED for c in service.comments("m1")))
         first = service.recording("m1")
         assert planners[0].pid is not None
-        await asyncio.sleep(1.5)  # a chunk has ended
+        answered_s = (service.snapshot("m1") or {})["time_s"]
+        # A chunk has ended by then.
+        await eventually(lambda: (service.snapshot("m1") or {})["time_s"] > answered_s + 1.5)
         os.kill(planners[0].pid, signal.SIGKILL)
         await eventually(lambda: service.mission("m1").state == "failed")
         broken_s = (service.snapshot("m1") or {})["time_s"]
