@@ -262,14 +262,22 @@ class ZenohBus:
 async def _uninterrupted(
     work: Callable[[], ResultT], discard: Callable[[ResultT], object]
 ) -> ResultT:
-    """Return what a blocking call returns; when cancelled, let it end and discard its result."""
+    """Return what a blocking call returns; when cancelled, let it end and discard its result.
+
+    It is waited for however often this is cancelled.
+    """
     task = asyncio.ensure_future(asyncio.to_thread(work))
-    try:
-        return await asyncio.shield(task)
-    except asyncio.CancelledError:
-        with contextlib.suppress(zenoh.ZError):
-            await asyncio.to_thread(discard, await task)
-        raise
+    cancelled = False
+    while not task.done():
+        try:
+            await asyncio.wait({task})
+        except asyncio.CancelledError:
+            cancelled = True
+    if not cancelled:
+        return task.result()
+    with contextlib.suppress(zenoh.ZError):
+        await asyncio.to_thread(discard, task.result())
+    raise asyncio.CancelledError
 
 
 def _end(session: zenoh.Session) -> None:

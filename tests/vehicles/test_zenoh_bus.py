@@ -137,6 +137,34 @@ async def test_opening_can_be_given_up_and_leaves_no_session() -> None:
 
 
 @pytest.mark.asyncio
+async def test_a_session_that_opens_after_it_was_given_up_is_closed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    begun, gate, closed = threading.Event(), threading.Event(), threading.Event()
+
+    class Late:
+        def close(self) -> None:
+            closed.set()
+
+    def opened(_: object) -> Late:
+        begun.set()
+        gate.wait(PATIENCE_S)
+        return Late()
+
+    monkeypatch.setattr("zenoh.open", opened)
+    nobody = ZenohSettings(connect=("tcp/127.0.0.1:1",), open_timeout_s=None)
+    opening = asyncio.ensure_future(ZenohBus(nobody, KEYS.delivery).__aenter__())
+    await until(begun.is_set)
+    for _ in range(3):
+        opening.cancel()
+        await asyncio.sleep(0)
+    gate.set()
+    with pytest.raises(asyncio.CancelledError):
+        await opening
+    assert closed.is_set()
+
+
+@pytest.mark.asyncio
 async def test_vehicles_come_back_by_themselves_when_the_mission_restarts() -> None:
     reader, tokens = Reader(), Reader()
     key = KEYS.robot(7, Topic.STATE)
