@@ -18,6 +18,9 @@ from solver.observations import OnboardTrack
 
 _GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 _SEARCH_STEPS = 24
+MOST_INFORMATION = 1e18
+"""Of an entry, 1/m^2 and the like: no filter knows so much, and sums of more overflow."""
+
 _LEAST_SHARE = 1e-3
 """Neither side is ignored wholly: one that holds no velocity would leave none."""
 
@@ -31,26 +34,27 @@ def fuse(beliefs: Beliefs, tracks: tuple[OnboardTrack, ...]) -> Beliefs:
     definite covariance. A track of the other motion model counts with its position alone.
     """
     index = {target_id: row for row, target_id in enumerate(beliefs.ids)}
-    chosen: dict[int, OnboardTrack] = {}
+    means, P, known = beliefs.means.copy(), beliefs.covariances.copy(), beliefs.known.copy()
+    d = means.shape[1]
+    chosen: dict[int, tuple[OnboardTrack, FloatArray]] = {}
     for track in tracks:
         row = index.get(track.target_id)
-        if row is not None and row not in chosen and _usable(track):
-            chosen[row] = track
+        if row is not None and row not in chosen:
+            information = _information(track, d)
+            if information is not None:
+                chosen[row] = track, information
     if not chosen:
         return beliefs
     rows = np.fromiter(chosen, dtype=np.int64)
-    means, P, known = beliefs.means.copy(), beliefs.covariances.copy(), beliefs.known.copy()
-    d = means.shape[1]
     other_means = np.zeros((len(rows), d))
     other_information = np.zeros((len(rows), d, d))
-    for k, (row, track) in enumerate(chosen.items()):
-        mean, covariance = np.array(track.mean), np.array(track.covariance)
-        size = min(d, len(mean))
-        other_means[k, :size] = mean[:size]
-        other_information[k, :size, :size] = np.linalg.inv(covariance[:size, :size])
+    for k, (row, (track, information)) in enumerate(chosen.items()):
+        size = len(information)
+        other_means[k, :size] = track.mean[:size]
+        other_information[k, :size, :size] = information
         if not known[row]:
             means[row] = other_means[k]
-            P[row, :size, :size] = covariance[:size, :size]
+            P[row, :size, :size] = np.array(track.covariance)[:size, :size]
     both = known[rows]
     if both.any():
         merged = rows[both]
@@ -70,14 +74,24 @@ def fuse(beliefs: Beliefs, tracks: tuple[OnboardTrack, ...]) -> Beliefs:
     )
 
 
-def _usable(track: OnboardTrack) -> bool:
+def _information(track: OnboardTrack, dimension: int) -> FloatArray | None:
+    """Return the information of a track in the filter's dimension, None for one of no use.
+
+    Rounding can make a singular covariance look positive definite, and a robot can say one.
+    """
     size = len(track.mean)
-    return (
-        size in (2, 4)
-        and [len(row) for row in track.covariance] == [size] * size
-        and bool(np.isfinite(track.mean).all())
-        and is_covariance(np.array(track.covariance))
-    )
+    if size not in (2, 4) or [len(row) for row in track.covariance] != [size] * size:
+        return None
+    covariance = np.array(track.covariance)
+    if not (np.isfinite(track.mean).all() and is_covariance(covariance)):
+        return None
+    size = min(dimension, size)
+    try:
+        information = np.asarray(np.linalg.inv(covariance[:size, :size]), dtype=np.float64)
+    except np.linalg.LinAlgError:
+        return None
+    # Not a number is no less either.
+    return information if np.abs(information).max() <= MOST_INFORMATION else None
 
 
 def _intersected(

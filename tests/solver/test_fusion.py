@@ -70,6 +70,10 @@ def test_an_unknown_target_is_taken_over() -> None:
     np.testing.assert_array_equal(fused.covariances[0], np.eye(2))
 
 
+SINGULAR = ((0.010000000000000002, 0.22000000000000003), (0.22000000000000003, 4.840000000000001))
+"""What rounding takes for positive definite, and nobody can invert."""
+
+
 @pytest.mark.parametrize(
     "rubbish",
     [
@@ -78,6 +82,8 @@ def test_an_unknown_target_is_taken_over() -> None:
         OnboardTrack(122, (0.0, 0.0), ((1.0, 0.0), (0.0, -1.0))),
         OnboardTrack(122, (0.0, 0.0), ((1.0, 0.0), (0.0,))),
         OnboardTrack(122, (0.0, 0.0, 0.0), ((1.0, 0.0), (0.0, 1.0))),
+        OnboardTrack(122, (0.0, 0.0), SINGULAR),
+        OnboardTrack(122, (1e12, 0.0), ((1e-300, 0.0), (0.0, 1e12))),
     ],
 )
 def test_rubbish_is_ignored(rubbish: OnboardTrack) -> None:
