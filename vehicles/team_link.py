@@ -7,7 +7,11 @@ between ticks.
 import logging
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from types import MappingProxyType
+from typing import Any
+
+from pydantic import ValidationError
 
 from solver.observations import (
     Attack,
@@ -93,8 +97,12 @@ class TeamLink:
         self.refused = 0
         """Messages refused since the start: not valid, of unknown robots or of second runs."""
 
+        self.unsaid = 0
+        """Messages that could not be said because a number was out of bounds."""
+
         self._bus, self._keys, self._clock = bus, keys, clock
         self._refusals = Repetition(logger)
+        self._losses = Repetition(logger)
         self._monitor = LinkMonitor(robot_ids, settings, clock())
         self._sender = translation.Sender(boot)
         self._latest = Inbox(keys.delivery)
@@ -180,21 +188,17 @@ class TeamLink:
 
     def send_setpoints(self, setpoints: Iterable[Setpoint], mission: str) -> None:
         """Send each robot its setpoint. Called by the tick itself and by nobody else."""
-        now_s = self._clock()
         for setpoint in setpoints:
             key = self._keys.robot(setpoint.robot_id, Topic.SETPOINT)
-            header = self._sender.header(key, now_s)
-            message = translation.setpoint_message(header, setpoint, mission)
-            self._bus.publish(key, wire.encode(message))
+            make = partial(translation.setpoint_message, setpoint=setpoint, mission=mission)
+            self._tell(key, make)
 
     def send_knowledge(self, *known: Knowledge) -> None:
         """Send each robot what it should know when it is cut off."""
         mates = translation.MateParts()
         for one in known:
             key = self._keys.robot(one.robot_id, Topic.KNOWLEDGE)
-            header = self._sender.header(key, self._clock())
-            message = translation.knowledge_message(header, one, mates)
-            self._bus.publish(key, wire.encode(message))
+            self._tell(key, partial(translation.knowledge_message, known=one, mates=mates))
 
     def send_heartbeat(
         self, mission: str, tick: int, time_s: float, state: wire.PlannerState
@@ -232,6 +236,20 @@ class TeamLink:
     def dropped(self) -> int:
         """Messages for which there was no room, since the start."""
         return self._latest.dropped + self._events.dropped
+
+    def _tell(self, key: str, make: Callable[[dict[str, Any]], wire.Message]) -> None:
+        """Send a message; one whose numbers are out of bounds is counted and not sent.
+
+        Its robot then holds, or goes by what it knew, and the others fly on.
+        """
+        now_s = self._clock()
+        try:
+            message = make(self._sender.header(key, now_s))
+        except ValidationError as error:
+            self.unsaid += 1
+            self._losses.warn(now_s, "not sent on %s: %s", key, error)
+            return
+        self._bus.publish(key, wire.encode(message))
 
     async def _subscribe(self, key_expr: str, inbox: Inbox) -> None:
         self._declared.append(await self._bus.subscribe(key_expr, inbox))

@@ -212,8 +212,8 @@ class LiveMission:
 
     @property
     def refused(self) -> int:
-        """Messages of the bus that were refused or found no room."""
-        return self._link.refused + self._link.dropped
+        """Messages of the bus that were refused, found no room or could not be said."""
+        return self._link.refused + self._link.dropped + self._link.unsaid
 
     def tallies(self) -> dict[str, LoopTally]:
         """Return the models' accounts by loop."""

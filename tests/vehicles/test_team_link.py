@@ -1,6 +1,7 @@
 """The planner's end of the bus, in virtual time."""
 
 import json
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -9,7 +10,7 @@ from solver.observations import Attack, Link, LinkChange, RobotState, TrackRepor
 from solver.setpoints import Setpoint
 from solver.zones import ZoneKind
 from tests.vehicles.buses import KEYS, Reader
-from tests.vehicles.pilots import knowledge
+from tests.vehicles.pilots import knowledge, track
 from tests.vehicles.samples import SAMPLES, TRACK, ZONE
 from vehicles import messages as wire
 from vehicles import translation
@@ -164,6 +165,20 @@ async def test_junk_is_counted_and_does_no_harm() -> None:
         assert desk.link.drain(0.0) == ()
         assert desk.link.refused == 4
         assert desk.link.truth() is None
+
+
+async def test_a_message_that_cannot_be_said_is_counted_and_the_others_are_sent() -> None:
+    async with Desk() as desk, LocalBus(desk.hub) as vehicles:
+        reader = Reader()
+        await vehicles.subscribe(KEYS.robot(None, Topic.SETPOINT), reader.inbox)
+        await vehicles.subscribe(KEYS.robot(None, Topic.KNOWLEDGE), reader.inbox)
+        good = Setpoint(26, (0.5, 0.0), (1.0, 0.0), 1.5, 0.5)
+        desk.link.send_setpoints((replace(good, robot_id=21, velocity=(1e5, 0.0)), good), "m1")
+        lost = replace(knowledge(21), tracks=(track(122, 1e13, 0.0),))
+        desk.link.send_knowledge(lost, knowledge(26))
+        keys = [sample.key for sample in reader.take()]
+        assert sorted(keys) == sorted(KEYS.robot(26, t) for t in (Topic.SETPOINT, Topic.KNOWLEDGE))
+        assert desk.link.unsaid == 2
 
 
 async def test_strangers_are_not_even_read(monkeypatch: pytest.MonkeyPatch) -> None:
