@@ -1,18 +1,14 @@
 """The agent against a planner and a world, in virtual time."""
 
-import asyncio
 import json
 from dataclasses import replace
-from threading import Event
 
 import pytest
 
 from solver.observations import Attack, Detections, RobotState, TrackReport
-from solver.problem import Budget, Problem, Solution
 from solver.zones import ZoneKind
-from tests.patience import PATIENCE_S
-from tests.vehicles.buses import KEYS, until
-from tests.vehicles.pilots import SENSING, Recorder
+from tests.vehicles.buses import KEYS
+from tests.vehicles.pilots import Recorder
 from tests.vehicles.rigs import TICK_S, rig
 from tests.vehicles.samples import SAMPLES
 from tests.vehicles.world.worlds import robot, world_setup, zone
@@ -142,22 +138,6 @@ async def test_jammed_in_flight_it_goes_on_by_its_own_plan_until_it_is_out() -> 
         assert "onboard: jammed: flying alone" in modes
         await made.tick(3)
         assert made.velocity(21) == (1.0, 0.0), "the planner's again"
-
-
-async def test_alone_it_keeps_to_the_altitude_it_was_sent_to() -> None:
-    setup = replace(PAIR, zones=(dense(ZoneKind.COMMUNICATION, 0.5),), attack_period_s=0.01)
-    async with rig(setup) as made:
-        made.velocities = {21: (1.0, 0.0)}
-        await made.tick()
-        made.tell(21, zones=())
-        while (21, "jammed") not in made.links():
-            await made.tick()
-        world = made.simulation.world
-        before_m = world.robot_state(21).altitude_m
-        assert before_m > 2.0, "still on its way down to 1.5 m"
-        await made.tick(4)
-        assert world.failures(21).communication
-        assert world.robot_state(21).altitude_m == pytest.approx(before_m - 4 * TICK_S * 0.5)
 
 
 async def test_a_sensing_failure_silences_the_sensor_and_not_the_robot() -> None:
@@ -376,41 +356,3 @@ async def test_health_is_told_once_a_second() -> None:
         assert health.setpoints == pytest.approx(29, abs=1)
         assert health.heartbeat_age_s == pytest.approx(0.0, abs=TICK_S)
         assert made.link.health(99) is None
-
-
-class Slow(Recorder):
-    """A planner that answers when it is let."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.gate = Event()
-
-    def solve(self, problem: Problem, budget: Budget) -> Solution:
-        self.gate.wait(timeout=PATIENCE_S)
-        return super().solve(problem, budget)
-
-
-async def test_a_solve_that_takes_too_long_holds_nobody_up() -> None:
-    setup = replace(PAIR, zones=(dense(ZoneKind.COMMUNICATION, 0.8),), attack_period_s=0.001)
-    slow = Slow()
-    try:
-        async with rig(setup, AgentSettings(plan_wait_s=0.001), slow) as made:
-            made.velocities = {21: (1.0, 0.0), 26: (0.0, 0.1)}
-            await made.tick()
-            made.tell(21, zones=(SENSING,))
-            await made.tick(13)
-            assert made.velocity(21) == (0.0, 0.0), "no plan: it holds"
-            assert made.velocity(26) == (0.0, 0.1), "the others fly on"
-            slow.gate.set()
-            await until(lambda: len(slow.problems) > 0)
-            await asyncio.sleep(0.01)
-            await made.tick()
-            assert made.velocity(21) == (0.0, 0.0), "that plan is of a place of a second ago"
-            for _ in range(round(PATIENCE_S / 0.005)):
-                await made.tick()
-                if made.velocity(21) == (0.1, 0.0):
-                    break
-                await asyncio.sleep(0.005)
-            assert made.velocity(21) == (0.1, 0.0)
-    finally:
-        slow.gate.set()
