@@ -72,9 +72,11 @@ class ScriptClient:
         self._holding = False
         self._paused = _Pauses()
         self._away = False
-        self._told = ""
         self._broken = False
         """From the first sign of an interruption until the mission flies again."""
+
+        self._told = set[str]()
+        """What was said of this interruption."""
 
     async def run(self) -> Verdict:
         """Fly the script and return the verdict. Raises ScriptFailed."""
@@ -101,6 +103,10 @@ class ScriptClient:
                     self._interrupted(f"the server is away: {str(error) or type(error).__name__}")
                 await asyncio.sleep(LOOK_S)
                 continue
+            except _NotYet as error:
+                self._interrupted(f"waiting: {error}")
+                await asyncio.sleep(LOOK_S)
+                continue
             return done
 
     async def _create(self) -> str:
@@ -124,6 +130,7 @@ class ScriptClient:
                 continue
             if info["state"] == "running" and not due:
                 self._broken = False
+                self._told.clear()
             await asyncio.sleep(LOOK_S)
 
     async def _keep_going(self, mission: str, state: str) -> None:
@@ -192,7 +199,7 @@ class ScriptClient:
         if later or answer.status_code >= HTTPStatus.INTERNAL_SERVER_ERROR:
             raise _ServerAway(_words(answer))
         if answer.status_code == HTTPStatus.CONFLICT and _code(answer) in _PASSING:
-            raise _ServerAway(_words(answer))
+            raise _NotYet(_words(answer))
         if answer.is_error:
             raise ScriptFailed(f"{method} {path}: {_words(answer)}")
         return answer.json() if answer.content else None
@@ -200,13 +207,14 @@ class ScriptClient:
     def _interrupted(self, words: str) -> None:
         """Count an interruption once, however many signs of it there are."""
         self._verdict.interruptions += not self._broken
-        if words != self._told:
+        if words not in self._told:
             self._tell(words)
-        self._broken, self._told = True, words
+        self._broken = True
+        self._told.add(words)
 
     def _back(self) -> None:
         if self._away:
-            self._away, self._told = False, ""
+            self._away = False
             self._tell("the server is back")
 
 
@@ -234,6 +242,10 @@ class _Pauses:
 
 class _ServerAway(Exception):
     """Raised when the server cannot do it now and may be able to soon."""
+
+
+class _NotYet(Exception):
+    """Raised when the server is there and the mission is still being brought up."""
 
 
 _PASSING: Final = frozenset({"wrong_state", "start_failed"})

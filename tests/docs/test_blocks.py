@@ -29,7 +29,7 @@ until_s: 2.0
 actions:
   - {at_s: 0.5, say: The robots should be more aggressive.}
 expect:
-  directives.beta: {at_most: 0}
+  optimizer.success_rate: {at_least: 0.9}
 """
 
 pytestmark = [pytest.mark.process, pytest.mark.timeout(1800)]

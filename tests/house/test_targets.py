@@ -1,5 +1,6 @@
 """`make help`, the pages and `--help` tell the same story."""
 
+import os
 import re
 import subprocess
 from pathlib import Path
@@ -22,6 +23,7 @@ def _make(*arguments: str) -> str:
     done = subprocess.run(
         ["make", "--no-print-directory", *arguments],
         cwd=ROOT,
+        env={name: value for name, value in os.environ.items() if name != "PYTEST_ARGS"},
         capture_output=True,
         text=True,
         check=True,

@@ -151,6 +151,42 @@ async def test_nobody_is_spoken_of_while_a_robot_is_lost() -> None:
     assert told.count("robots 21 are lost; waiting for them") == 1
 
 
+class ComingBack(httpx.AsyncBaseTransport):
+    """Tells of a held mission at first, which cannot be resumed yet."""
+
+    def __init__(self, inner: httpx.AsyncBaseTransport, times: int) -> None:
+        self._inner = inner
+        self._times = times
+
+    async def handle_async_request(self, request: httpx.Request) -> httpx.Response:
+        answer = await self._inner.handle_async_request(request)
+        if self._times <= 0:
+            return answer
+        if request.url.path.endswith("/m1/resume"):
+            self._times -= 1
+            error = {"code": "wrong_state", "message": "Mission m1 is held and cannot resume."}
+            return httpx.Response(409, json={"error": error})
+        said = json.loads(await answer.aread())
+        if request.method == "GET" and said.get("state") == "running":
+            said["state"] = "held"
+        return httpx.Response(answer.status_code, json=said)
+
+
+@pytest.mark.asyncio
+async def test_a_mission_that_is_being_brought_up_is_waited_for_and_told_of_once() -> None:
+    stage, told = Stage(), list[str]()
+    async with client_of(stage.app(), stage) as client:
+        client._transport = ComingBack(client._transport, 5)
+        verdict = await ScriptClient(Script.model_validate(BASE), client, told.append).run()
+    assert verdict.passed, verdict
+    assert verdict.interruptions == 1
+    assert told == [
+        "mission m1 flies",
+        "mission m1 came back held; it is resumed",
+        "waiting: Mission m1 is held and cannot resume.",
+    ]
+
+
 @pytest.mark.asyncio
 async def test_a_refusal_ends_it_in_words() -> None:
     with pytest.raises(ScriptFailed, match="No scenario elsewhere"):

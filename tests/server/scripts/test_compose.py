@@ -36,7 +36,7 @@ actions:
   - {at_s: 6.0, do: resume}
 expect:
   min_separation_m: {at_least: 0.3}
-  directives.beta: {at_most: 0}
+  task_llm.valid: {at_least: 1}
   steps: {at_least: 30}
 patience_s: 200
 """
