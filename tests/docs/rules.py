@@ -65,6 +65,7 @@ SHORTER = {
     r"falconer experiment scaling .*": {"--largest": "4", "--seeds": "1", "--steps": "12"},
     r"falconer run hardware --lockstep --comment .*": {"--steps": "320"},
     r"falconer run ablation --lockstep --llm http.*": {"--steps": "100"},
+    r"falconer run unseen --lockstep .*": {"--steps": "100"},
 }
 """Campaigns and long flights, run as they stand but for these options."""
 

@@ -346,7 +346,7 @@ async def test_a_killed_planner_stops_the_team_and_another_flies_it(made: Team) 
 # ---------------------------------------------------------------------- the router
 
 
-@pytest.mark.parametrize("outage_s", [1.0, 5.0, 30.0])
+@pytest.mark.parametrize("outage_s", [1.0, 12.0])
 async def test_a_router_that_dies_and_comes_back(made: Team, outage_s: float) -> None:
     began_s = monotonic()
     made.router.send(signal.SIGKILL)
