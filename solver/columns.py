@@ -1,7 +1,7 @@
 """The exact choice of rows for small teams: one column per robot and set of targets."""
 
 from itertools import combinations
-from math import comb
+from math import comb, prod
 
 import numpy as np
 from scipy.optimize import Bounds, LinearConstraint, milp
@@ -39,15 +39,18 @@ def columns_of(roster: Roster) -> list[list[tuple[int, ...]]]:
 
 
 def all_matrices(roster: Roster, columns: list[list[tuple[int, ...]]]) -> BoolArray:
-    """Return every choice of one column per robot, (B, M, N)."""
-    choices = []
-    for sets in columns:
-        rows = np.zeros((len(sets), len(roster.target_ids)), dtype=np.bool_)
-        for at, targets in enumerate(sets):
+    """Return every choice of one column per robot, (B, M, N); the last robot's changes fastest."""
+    batch = prod(len(sets) for sets in columns)
+    result = np.zeros((batch, len(columns), len(roster.target_ids)), dtype=np.bool_)
+    # Counted digit by digit: numpy's own grids end at 64 axes, which are robots here.
+    rest = np.arange(batch)
+    for i in reversed(range(len(columns))):
+        rows = np.zeros((len(columns[i]), len(roster.target_ids)), dtype=np.bool_)
+        for at, targets in enumerate(columns[i]):
             rows[at, list(targets)] = True
-        choices.append(rows)
-    index = np.indices([len(rows) for rows in choices]).reshape(len(choices), -1)
-    return np.stack([rows[at] for rows, at in zip(choices, index, strict=True)], axis=1)
+        rest, digit = np.divmod(rest, len(rows))
+        result[:, i] = rows[digit]
+    return result
 
 
 def best_columns(

@@ -291,6 +291,17 @@ def test_more_targets_than_places_covers_as_many_as_there_are_places() -> None:
         assert len({pair.target_id for pair in found}) == 4
 
 
+def test_a_large_team_of_which_few_are_left_gets_the_best_of_all_assignments() -> None:
+    snapshot = random_snapshot(3, 80, 4, 2)
+    few = with_links(snapshot, **{f"r{k}": Link.LOST for k in range(23, 101)})
+    roster, appraisal = judge(few)
+    found = matrix_of(roster, assignment.assign(few, SENSOR, SETTINGS))
+    assert not found[2:].any()
+    assert cover(roster, found) == (4, 4)
+    least = min(price(appraisal, matrix) for matrix in every_matrix(roster))
+    assert price(appraisal, found) == pytest.approx(least, rel=1e-9)
+
+
 def test_same_snapshot_same_assignment() -> None:
     snapshot = random_snapshot(8, 4, 8, 2)
     first, again = (assignment.assign(snapshot, SENSOR, SETTINGS) for _ in range(2))
