@@ -12,12 +12,12 @@ distribution at fixed base points: no dice, and the same evidence gives the same
 its weights is the evidence for there being a zone at all.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
 
-from solver.arrays import FloatArray
+from solver.arrays import FloatArray, frozen
 from solver.encounters import Evidence
 
 DIMENSION = 6
@@ -109,13 +109,17 @@ class Cloud:
     """What a next cloud is best drawn from."""
 
     centre: FloatArray
-    """(2,) mean of the centre."""
+    """(2,) mean of the centre, m."""
 
     centre_covariance: FloatArray
+    """(2, 2) how uncertain it is, m^2."""
+
     extent: FloatArray
-    """(2, 2) mean of S."""
+    """(2, 2) mean of S, m^2."""
 
     strength: float
+    """Mean of exp(g): factor on the density that the law would have."""
+
     strength_deviation: float
     log_odds: float
     """For the zone being there against nothing but the background."""
@@ -144,13 +148,26 @@ def fitted(
     rounds: int,
     known: Known | None = None,
 ) -> Cloud:
-    """Return the posterior of a zone; every round looks where the last one has found most."""
-    for _ in range(rounds - 1):
+    """Return the posterior of a zone; every round looks where the last one has found most.
+
+    Where nothing is left that a zone could have caused, the cloud is what was looked for, with
+    log odds of minus infinity: no zone.
+
+    Args:
+        law: How attacks come about.
+        evidence: The marks around the zone.
+        background: What everything else does at them.
+        proposal: Where to look first.
+        rounds: How often to look, at least once.
+        known: What takes the place of the prior.
+    """
+    for left in reversed(range(rounds)):
         theta, log_drawn = _drawn(proposal)
         log_weights = _log_posterior(law, evidence, background, theta, known) - log_drawn
-        proposal = _moments(theta, _tempered(log_weights)[0])
-    theta, log_drawn = _drawn(proposal)
-    log_weights = _log_posterior(law, evidence, background, theta, known) - log_drawn
+        if log_weights.max() == -np.inf:
+            return replace(remembered(Known(proposal, 0.0)), log_odds=-np.inf)
+        if left:
+            proposal = _moments(theta, _tempered(log_weights)[0])
     return _cloud(theta, log_weights)
 
 
@@ -269,7 +286,7 @@ def _base() -> tuple[FloatArray, FloatArray]:
     half = dice.standard_normal((HYPOTHESES // 2, DIMENSION))
     stretch = np.sqrt(TAIL / dice.chisquare(TAIL, HYPOTHESES // 2))[:, None]
     stretch[::4] *= WIDER
-    points = np.concatenate([half * stretch, -half * stretch])
+    points = frozen(np.concatenate([half * stretch, -half * stretch]))
     distance = (points**2).sum(axis=1)
     # Gamma((v + 6) / 2) / Gamma(v / 2) is the product of the three steps in between.
     steps = np.log(np.arange(3) + TAIL / 2.0).sum()
@@ -277,7 +294,7 @@ def _base() -> tuple[FloatArray, FloatArray]:
     power = -0.5 * (TAIL + DIMENSION)
     narrow = 0.75 * (1.0 + distance / TAIL) ** power
     wide = 0.25 * WIDER**-DIMENSION * (1.0 + distance / WIDER**2 / TAIL) ** power
-    return points, scale + np.log(narrow + wide)
+    return points, frozen(scale + np.log(narrow + wide))
 
 
 def _normal(log_weights: FloatArray) -> FloatArray:

@@ -215,6 +215,23 @@ def test_a_forgotten_zone_comes_back_when_it_hits_again() -> None:
     assert second.since_s == 6.0
 
 
+def test_a_zone_whose_evidence_is_forgotten_with_a_neighbours_spoils_nothing() -> None:
+    hazards, beside = hazard_map(), (NEAR[0] + 2.0, NEAR[1])
+    for step in range(4):
+        told(hazards, [NEAR, beside], STEP_S * step, hits=1)
+        settled(hazards)
+    first, _ = hazards.estimates
+    hazards.forget(first.key)
+    for step in range(300):
+        told(hazards, [beside], 1.0 + STEP_S * step)
+        hazards.update()
+    assert hazards.estimates == (), "nothing is left that speaks for it"
+    told(hazards, [FAR], 40.0, hits=1)
+    (found,) = settled(hazards)
+    assert np.hypot(*(np.asarray(found.mean) - FAR)) < 0.5
+    assert found.confidence > 0.5
+
+
 def test_another_map_goes_on_with_what_was_believed() -> None:
     team, hazards = Wandering([zone(NEAR)], seed=8, drawn_to=(NEAR,)), hazard_map()
     team.walk(hazards, 60.0)
