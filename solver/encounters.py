@@ -24,6 +24,8 @@ MOST_MARKS = 100
 """Of one layer in one window; more are put together in larger cells."""
 
 _LARGEST_GAIN = 1e12
+_LONGEST_FADE = 600.0
+"""Memories that pass at once: exp() must not overflow, and nothing is left after so many."""
 
 
 class Layer(IntEnum):
@@ -86,8 +88,8 @@ class Encounters:
         self._sums = np.zeros((len(Layer), *self._shape, 3))
 
     def fade(self, elapsed_s: float) -> None:
-        """Let time pass."""
-        self._gain *= math.exp(elapsed_s / self._memory_s)
+        """Let time pass, any length of it."""
+        self._gain *= math.exp(min(elapsed_s / self._memory_s, _LONGEST_FADE))
         if self._gain > _LARGEST_GAIN:
             self._sums /= self._gain
             self._gain = 1.0

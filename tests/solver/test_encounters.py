@@ -46,6 +46,15 @@ def test_evidence_fades_and_a_long_mission_overflows_nothing() -> None:
     assert encounters.near((5.0, 0.0), 1.0).hits.weights == pytest.approx([2.0])
 
 
+def test_any_length_of_time_may_pass_at_once() -> None:
+    encounters = Encounters(LOWER, UPPER, 10.0)
+    encounters.add(Layer.HIT, one(0.0, 0.0), np.array([2.0]))
+    encounters.fade(1e6)
+    assert encounters.near((0.0, 0.0), 1.0).hits.weights.sum() < 1e-200
+    encounters.add(Layer.HIT, one(0.0, 0.0), np.array([3.0]))
+    assert encounters.near((0.0, 0.0), 1.0).hits.weights == pytest.approx([3.0])
+
+
 def test_many_marks_are_put_together_and_lose_neither_weight_nor_balance() -> None:
     dice = np.random.default_rng(1)
     points = dice.uniform((-4.0, -4.0), (4.0, 4.0), (20_000, 2))
