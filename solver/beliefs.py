@@ -18,6 +18,9 @@ LEAST_VARIANCE = 1e-9
 
 GREATEST_VARIANCE = 1e9
 
+_LEAST_EIGENVALUE = 1e-150
+"""The inverse of a covariance with a smaller one is not finite: its determinant underflows."""
+
 
 class MotionModel(StrEnum):
     """How targets are believed to move."""
@@ -170,10 +173,10 @@ def unknown_covariance(settings: FilterSettings) -> FloatArray:
 
 
 def is_covariance(matrix: FloatArray) -> bool:
-    """Return whether a square matrix is finite, symmetric and positive definite."""
+    """Return whether a matrix (d, d) is finite, symmetric and positive definite to be inverted."""
     if not np.isfinite(matrix).all() or not np.allclose(matrix, matrix.T, rtol=1e-6):
         return False
-    return bool(np.linalg.eigvalsh(matrix)[0] > 0.0)
+    return bool(np.linalg.eigvalsh(matrix)[0] > _LEAST_EIGENVALUE)
 
 
 def bounded(P: FloatArray) -> FloatArray:

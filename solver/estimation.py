@@ -91,7 +91,7 @@ def update(
     Outliers are gated one sighting at a time. An unknown target's track starts from its most
     precise sighting, and so does that of a target whose sightings have all been rejected for
     a while: then the track is wrong, not the robots. Sightings of unknown ids and with numbers
-    that are not finite are ignored.
+    that are not ordinary (NaN, infinite, beyond `solver.sightings.FARTHEST`) are ignored.
     """
     sightings = gathered(beliefs.ids, batch)
     if not len(sightings):

@@ -8,10 +8,14 @@ import numpy as np
 from solver.arrays import BoolArray, FloatArray, IntArray
 from solver.observations import Detections
 
+FARTHEST = 1e7
+"""Metres or radians: beyond them a place, range or bearing is no measurement, and squares of
+squares overflow before long."""
+
 
 @dataclass(frozen=True, slots=True)
 class Sightings:
-    """n sightings of known ids, all numbers finite. Every array has the shape (n,)."""
+    """n sightings of known ids, all numbers ordinary. Every array has the shape (n,)."""
 
     rows: IntArray
     """Which target, by its place in the mission."""
@@ -37,7 +41,7 @@ class Sightings:
 
 
 def gathered(ids: tuple[int, ...], batch: tuple[Detections, ...]) -> Sightings:
-    """Return the usable sightings of a batch: of these targets, and of finite numbers."""
+    """Return the usable sightings of a batch: of these targets, no number beyond `FARTHEST`."""
     index = {target_id: row for row, target_id in enumerate(ids)}
     flat = []
     for detections in batch:
@@ -47,7 +51,8 @@ def gathered(ids: tuple[int, ...], batch: tuple[Detections, ...]) -> Sightings:
             if row is not None:
                 flat.append((row, x, y, sighting.range_m, sighting.bearing_rad))
     table = np.array(flat, dtype=np.float64).reshape(-1, 5)
-    usable = np.isfinite(table).all(axis=1)
+    # A comparison with NaN is false, so this finds everything that is no ordinary number.
+    usable = (np.abs(table[:, 1:]) <= FARTHEST).all(axis=1)
     if not usable.all():
         table = table[usable]
     columns = np.ascontiguousarray(table.T)

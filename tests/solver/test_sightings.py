@@ -3,7 +3,7 @@
 import numpy as np
 
 from solver.observations import Detections, Sighting
-from solver.sightings import gathered, layers
+from solver.sightings import FARTHEST, gathered, layers
 
 IDS = (7, 3, 5)
 
@@ -21,6 +21,13 @@ def test_columns_keep_the_order_of_the_batch_and_leave_out_what_is_no_use() -> N
     assert found.range.tolist() == [3.0, 6.0]
     assert found.bearing.tolist() == [0.1, 0.3]
     assert found.select(np.array([False, True])).rows.tolist() == [1]
+
+
+def test_numbers_beyond_all_measurements_are_left_out() -> None:
+    sightings = (Sighting(5, 1e160, 0.1), Sighting(3, 2.0, -1e200), Sighting(7, FARTHEST, 0.2))
+    found = gathered(IDS, (Detections(1, (0.0, 0.0), sightings),))
+    assert found.range.tolist() == [FARTHEST]
+    assert not len(gathered(IDS, (Detections(1, (0.0, 1e300), sightings),)))
 
 
 def test_nothing_seen() -> None:
