@@ -29,11 +29,19 @@ def plannable(problem: Problem) -> BoolArray:
 
 
 def subset(problem: Problem, keep: BoolArray) -> Problem:
-    """Return the problem of some of the robots; the other ones are left out of everything."""
+    """Return the problem of some of the robots; the other ones are left out of everything.
+
+    Args:
+        problem: Of M robots. A last plan of another number of robots is left out too.
+        keep: (M,) which of them.
+    """
 
     def known(table: ZoneTable) -> ZoneTable:
         return replace(table, known=table.known[keep])
 
+    previous = problem.previous
+    if previous is not None:
+        previous = previous[keep] if len(previous) == len(keep) else None
     return replace(
         problem,
         robot_ids=tuple(np.array(problem.robot_ids)[keep].tolist()),
@@ -45,7 +53,7 @@ def subset(problem: Problem, keep: BoolArray) -> Problem:
         sees=problem.sees[keep],
         sensing=known(problem.sensing),
         communication=known(problem.communication),
-        previous=None if problem.previous is None else problem.previous[keep],
+        previous=previous,
         replan=problem.replan[keep],
     )
 
@@ -91,8 +99,13 @@ def control_limits(problem: Problem) -> tuple[FloatArray, FloatArray]:
 
 def _is_sound(problem: Problem) -> bool:
     """Return whether nothing has to be repaired. On the way of every tick: kept cheap."""
-    scalars = (*problem.weights, problem.separation_weight, problem.field_weight)
-    if min(scalars) < 0.0 or not problem.min_dist_m >= 0.0 or not math.isfinite(sum(scalars)):
+    scalars = (
+        *problem.weights,
+        problem.separation_weight,
+        problem.field_weight,
+        problem.min_dist_m,
+    )
+    if min(scalars) < 0.0 or not math.isfinite(sum(scalars)):
         return False
     if problem.previous is not None and not _fits(problem, problem.previous):
         return False

@@ -17,7 +17,7 @@ from solver.engines.sqp import SqpEngine
 from solver.objective import cost
 from solver.planner import Planner
 from solver.problem import Budget, Dynamics, EngineFailed, Problem, Rung, Solution
-from solver.repair import repaired
+from solver.repair import FAR_M, repaired
 from tests.solver.problems import DYNAMICS, coincident, random_problem
 
 BUDGET = Budget(iterations=60)
@@ -200,6 +200,22 @@ def test_a_robot_without_a_position_stands_and_the_other_ones_fly_as_if_alone() 
         replan=frozen_bool(problem.replan[keep]),
     )
     np.testing.assert_array_equal(found.controls[keep], SQP.solve(alone, BUDGET).controls)
+
+
+def test_a_last_plan_of_another_team_is_none() -> None:
+    problem = open_field(3)
+    positions = problem.positions.copy()
+    positions[1] = np.nan
+    lame = replace(problem, positions=frozen(positions))
+    other = replace(lame, previous=frozen(np.ones((2, problem.horizon, 2))))
+    expected = SQP.solve(lame, BUDGET).controls
+    np.testing.assert_array_equal(SQP.solve(other, BUDGET).controls, expected)
+
+
+def test_an_endless_distance_to_keep_is_repaired() -> None:
+    problem = open_field(min_dist_m=float("inf"))
+    assert repaired(problem).min_dist_m == FAR_M
+    check(problem, SQP.solve(problem, BUDGET))
 
 
 def test_bounds_the_wrong_way_round_and_none_at_all() -> None:
