@@ -13,7 +13,6 @@ import numpy as np
 
 from solver.arrays import FloatArray
 from solver.problem import SensorModel
-from solver.zones import Point
 
 TARGET_FLOOR_M = 0.1
 """Floor f on the distance between a robot and a target."""
@@ -22,23 +21,8 @@ LEAST_PRECISION = 1e-30
 """Of a measurement from so far away that its exponential noise would overflow."""
 
 
-def predicted(robot: Point, target: Point) -> tuple[float, float]:
-    """Return the noise-free range (m) and bearing (rad, ENU, in (-pi, pi]) to a target."""
-    east, north = target[0] - robot[0], target[1] - robot[1]
-    return math.hypot(east, north), math.atan2(north, east)
-
-
-def noise_variances(model: SensorModel, range_m: float) -> tuple[float, float]:
-    """Return the variances of range (m^2) and bearing (rad^2) at a true distance."""
-    rho = math.sqrt(range_m * range_m + TARGET_FLOOR_M**2)
-    return (
-        1.0 / max(model.range_peak * math.exp(-model.range_shape * rho), LEAST_PRECISION),
-        1.0 / max(model.bearing_peak * math.exp(-model.bearing_shape * rho), LEAST_PRECISION),
-    )
-
-
 def variances(model: SensorModel, squared_distance: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the variances of range (m^2) and bearing (rad^2) for p'p of any shape."""
+    """Return the variances of range (m^2) and bearing (rad^2) for p'p (m^2) of any shape."""
     rho = np.sqrt(squared_distance + TARGET_FLOOR_M**2)
     along = model.range_peak * np.exp(-model.range_shape * rho)
     across = model.bearing_peak * np.exp(-model.bearing_shape * rho)

@@ -14,8 +14,9 @@ from solver.arrays import FloatArray
 from solver.beliefs import Beliefs, FilterSettings, MotionModel, NearField
 from solver.observations import Detections, Sighting
 from solver.problem import SensorModel
-from solver.sensing import TARGET_FLOOR_M, noise_variances, predicted, wrapped
+from solver.sensing import TARGET_FLOOR_M, wrapped
 from solver.snapshot import TrackStatus
+from tests.solver.measuring import noise_variances, predicted
 
 SENSOR = SensorModel()
 IDS = (122, 124, 126)
@@ -268,6 +269,8 @@ def test_a_prior_must_be_one() -> None:
     beliefs = estimation.start(IDS, WALK)
     with pytest.raises(ValueError, match="covariance > 0"):
         estimation.with_prior(beliefs, 122, (0.0, 0.0), ((1.0, 0.0), (0.0, -1.0)))
+    with pytest.raises(ValueError, match="covariance > 0"):
+        estimation.with_prior(beliefs, 122, (0.0, 0.0), ((1e-320, 0.0), (0.0, 1e-320)))
     with pytest.raises(KeyError, match="no target 7"):
         estimation.with_prior(beliefs, 7, (0.0, 0.0), ((1.0, 0.0), (0.0, 1.0)))
 

@@ -9,7 +9,8 @@ from solver.arrays import FloatArray
 from solver.beliefs import Beliefs, FilterSettings
 from solver.observations import Detections, Sighting
 from solver.problem import SensorModel
-from solver.sensing import noise_variances, predicted, wrapped
+from solver.sensing import wrapped
+from tests.solver.measuring import noise_variances, predicted
 
 SENSOR = SensorModel()
 RUNS = 120

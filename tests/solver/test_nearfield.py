@@ -12,8 +12,9 @@ from solver import nearfield
 from solver.arrays import FloatArray
 from solver.nearfield import Posterior
 from solver.problem import SensorModel
-from solver.sensing import TARGET_FLOOR_M, noise_variances, wrapped
+from solver.sensing import TARGET_FLOOR_M, wrapped
 from solver.sightings import Sightings
+from tests.solver.measuring import noise_variances
 
 # Without shapes the noise is the same at all distances, and the grid knows it, too.
 CAMERA = SensorModel(40.0, 0.0, 150.0, 0.0)

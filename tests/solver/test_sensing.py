@@ -7,16 +7,19 @@ from hypothesis import strategies as st
 
 from solver.arrays import FloatArray
 from solver.problem import SensorModel
-from solver.sensing import TARGET_FLOOR_M, information, noise_variances, predicted, wrapped
+from solver.sensing import TARGET_FLOOR_M, information, variances, wrapped
+from tests.solver.measuring import noise_variances, predicted
 
 coordinate = st.floats(-12.0, 12.0)
 SENSOR = SensorModel(range_peak=15.0, range_shape=0.2, bearing_peak=9.0, bearing_shape=0.3)
 
 
-def test_predicted_is_range_and_bearing_in_enu() -> None:
-    measured, bearing = predicted((1.0, 1.0), (1.0, 4.0))
-    assert measured == pytest.approx(3.0)
-    assert bearing == pytest.approx(np.pi / 2)
+@pytest.mark.parametrize("distance", [0.0, 0.1, 3.0, 60.0, 1e7])
+def test_variances_grow_with_distance_as_the_law_says_and_stay_finite(distance: float) -> None:
+    along, across = variances(SENSOR, np.full((2, 1), distance * distance))
+    expected = noise_variances(SENSOR, distance)
+    np.testing.assert_allclose(along, np.full((2, 1), expected[0]), rtol=1e-12)
+    np.testing.assert_allclose(across, np.full((2, 1), expected[1]), rtol=1e-12)
 
 
 @given(coordinate, coordinate)

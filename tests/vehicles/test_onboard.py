@@ -13,8 +13,8 @@ from solver.exposure import RIMS, Prices, zone_table
 from solver.observations import Detections, OnboardTrack, Sighting
 from solver.planner import Planner
 from solver.problem import Budget
-from solver.sensing import predicted
 from solver.zones import Zone, ZoneKind
+from tests.solver.measuring import predicted
 from tests.vehicles.pilots import JAMMING, RULES, SENSING, Recorder, knowledge, track, with_rules
 from vehicles.onboard import BACK_OFF_M_S, BACK_OFF_MOST_M, OnboardPilot
 
