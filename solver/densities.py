@@ -13,6 +13,7 @@ NEAREST_M, FARTHEST_M = 2.5, 8.0
 """Evidence counts for a zone at least and at most so far from its centre."""
 
 _ENOUGH_FOR_TWO = 3.5
+"""Hits."""
 
 
 def density(shapes: Iterable[Shape], points: FloatArray) -> FloatArray:
@@ -33,15 +34,18 @@ def gaussian(points: FloatArray, centre: FloatArray, covariance: FloatArray) -> 
 
 
 def reach_m(covariance: FloatArray) -> float:
-    """Return how far around a zone evidence tells anything of it."""
+    """Return how far around a zone evidence tells anything of it, metres.
+
+    `covariance` (2, 2) is that of its mean density, m^2.
+    """
     deviation = float(np.sqrt(0.5 * np.trace(covariance)))
     return min(max(3.5 * deviation, NEAREST_M), FARTHEST_M)
 
 
 def halves(points: FloatArray, weights: FloatArray) -> tuple[FloatArray, FloatArray] | None:
-    """Return the centres (2,) of the two groups that points fall into along their long axis.
+    """Return the centres (2,) of the two groups that points (n, 2) fall into along their long axis.
 
-    None where there are too few for two zones.
+    None where there are too few of them, by their weights (n,), for two zones.
     """
     if len(points) < 2 or weights.sum() < _ENOUGH_FOR_TWO:
         return None

@@ -5,7 +5,7 @@ Only the mission turns a proposal into directives, and only after verification
 (paper, sections III-C and III-D, eq. 4).
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import StrEnum
 from typing import NamedTuple
 
@@ -148,7 +148,7 @@ class Verdict:
     """The verification's answer to a proposal. Accepted exactly when nothing is violated."""
 
     proposal_id: str
-    violations: tuple[str, ...] = field(default=())
+    violations: tuple[str, ...] = ()
     """Each in words that can be told to a model or a person."""
 
     @property

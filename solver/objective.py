@@ -304,6 +304,7 @@ def _separation(
 def _ever_near(positions: FloatArray, reach: float) -> tuple[IntArray, IntArray]:
     """Return index arrays of all pairs that may be nearer than `reach` at any step."""
     found = [near_pairs(positions[:, k], reach) for k in range(positions.shape[1])]
+    # Small teams get all their pairs, the same two arrays at every step.
     if len(found) == 1 or found[0][0] is found[1][0]:
         return found[0]
     pairs = np.unique(np.concatenate([np.stack(each, axis=1) for each in found]), axis=0)

@@ -41,20 +41,27 @@ class SensorModel:
     """Range and bearing noise that grows with distance: 1/R = peak exp(-shape d)."""
 
     range_peak: float = 15.0
+    """1/m^2."""
+
     range_shape: float = 0.2
+    """1/m."""
+
     bearing_peak: float = 15.0
+    """1/rad^2."""
+
     bearing_shape: float = 0.2
+    """1/m."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ZoneTable:
-    """Zones of one kind as arrays over K zones, severity already folded in."""
+    """Zones of one kind as arrays over K zones, severity already folded in. Frame ENU."""
 
     centres: FloatArray
-    """(K, 2)."""
+    """(K, 2) metres."""
 
     covariances: FloatArray
-    """(K, 2, 2)."""
+    """(K, 2, 2) square metres."""
 
     margins: FloatArray
     """(K,) metres for sensing, factor on the spread for communication."""
@@ -71,7 +78,10 @@ class ZoneTable:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Problem:
-    """What to solve: M planned robots, N tracked targets, H steps. All arrays read-only."""
+    """What to solve: M planned robots, N tracked targets, H steps. All arrays read-only.
+
+    Frame ENU; metres, seconds, metres per second (squared), covariances in square metres.
+    """
 
     robot_ids: tuple[int, ...]
     """(M) the connected robots, in team order."""
@@ -118,12 +128,13 @@ class Problem:
     """(K, 2) last known positions of team mates that are not planned here (soft discs)."""
 
     previous: FloatArray | None
-    """(M, H, 2) controls of the last plan, already shifted: the warm start."""
+    """(M, H, 2) controls of the last plan, already shifted: the warm start; None for none."""
 
     replan: BoolArray
     """(M,) robots to be started afresh from probe starts."""
 
     field_weight: float = 1000.0
+    """Price of a squared metre outside the field, and of a squared m/s above the speed limit."""
 
 
 @dataclass(frozen=True, slots=True)

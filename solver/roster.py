@@ -16,8 +16,10 @@ from solver.observations import Link
 from solver.snapshot import Snapshot, TrackStatus
 
 UNCOVERED = 1e6
+"""Price of a target that nobody has, m^2 of accumulated trace."""
+
 UNSIGHTED = 1e4
-"""Prices of a target that nobody has, and of one that nobody has who sees."""
+"""Price of a target that nobody has who sees, likewise."""
 
 _NEVER = 1e9
 
@@ -112,8 +114,8 @@ def least_price_cover(roster: Roster, prices: FloatArray, displacing: FloatArray
         displacing: (M, N) added where a pair takes the place of a current one.
     """
     result = roster.fixed.copy()
-    held = (roster.fixed & roster.seeing[:, None]).any(axis=0)
-    open_targets = np.flatnonzero(~held)
+    seen = (roster.fixed & roster.seeing[:, None]).any(axis=0)
+    open_targets = np.flatnonzero(~seen)
     spare = roster.spare
     copies = np.repeat(np.arange(len(spare)), spare)
     if not len(open_targets) or not len(copies):

@@ -35,9 +35,11 @@ class Guidance(StrEnum):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RobotTable:
-    """All M robots of the team, lost ones included, in team order."""
+    """All M robots of the team, lost ones included, in team order. Frame ENU."""
 
     ids: tuple[int, ...]
+    """(M)."""
+
     positions: FloatArray
     """(M, 2) metres."""
 
@@ -48,33 +50,42 @@ class RobotTable:
     """(M,) metres."""
 
     sensing_failed: BoolArray
+    """(M,) whether it is in sensing failure."""
+
     links: tuple[Link, ...]
+    """(M)."""
+
     state_age_s: FloatArray
     """(M,) seconds since the last own report."""
 
     setpoint_velocities: FloatArray
-    """(M, 2) last command; zero for robots the planner does not fly."""
+    """(M, 2) last command, metres per second; zero for robots the planner does not fly."""
 
     waypoints: FloatArray
-    """(M, 2) last commanded way-points."""
+    """(M, 2) last commanded way-points, metres."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrackTable:
-    """All N targets, in mission order."""
+    """All N targets, in mission order. Frame ENU."""
 
     ids: tuple[int, ...]
+    """(N)."""
+
     positions: FloatArray
-    """(N, 2)."""
+    """(N, 2) metres."""
 
     velocities: FloatArray
-    """(N, 2); zero under the random-walk model."""
+    """(N, 2) metres per second; zero under the random-walk model."""
 
     covariances: FloatArray
-    """(N, 2, 2) position covariance after the update."""
+    """(N, 2, 2) position covariance after the update, square metres."""
 
     unseen_s: FloatArray
+    """(N,) seconds since the last accepted sighting (or prior, or start)."""
+
     status: tuple[TrackStatus, ...]
+    """(N)."""
 
 
 @dataclass(frozen=True, slots=True)
