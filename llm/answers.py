@@ -7,20 +7,21 @@ tell what is wrong with them; only an answer without any assignment or weights i
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 from llm import sentences
 from llm.extraction import Pairs, json_objects, without_thoughts
-from solver.directives import CommentVerdict
-
-Rows = tuple[tuple[int, tuple[int, ...]], ...]
+from llm.sentences import Rows
+from solver.directives import CommentVerdict, Weights
 
 LONGEST_FEEDBACK = 1000
+"""Characters kept of what a model says to people, or of one comment."""
+
 _NOT_AN_ID = -1
 """Stands for an id that is no number; no robot or target has it, so it is refused."""
 
-_WEIGHT_KEYS = ("tracking", "control", "sensing", "communication")
+_WEIGHT_KEYS = Weights._fields
 _MEANT_AS_JSON = re.compile(r"\{\s*\"")
 _NOBODY = re.compile(r"^[^\w\n]{0,20}no (?:drone|robot)s?\b", re.I | re.M)
 """Said where no drone is left: "No drone can be given a target."."""
@@ -68,7 +69,7 @@ class ActionAnswer:
     severities: tuple[tuple[str, float], ...] = ()
     replan: tuple[int, ...] = ()
     feedback: str = ""
-    comments: tuple[SaidOfComment, ...] = field(default=())
+    comments: tuple[SaidOfComment, ...] = ()
 
 
 def read_task(text: str) -> TaskAnswer:

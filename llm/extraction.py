@@ -10,6 +10,8 @@ MOST_OBJECTS = 64
 """Candidates tried before a text counts as holding no JSON."""
 
 LONGEST_TEXT = 65_536
+MOST_DIGITS = 18
+"""Of a whole number; one with more is read as a float, infinite at worst."""
 
 _THOUGHT = re.compile(r"<(/?)(?:think|thinking|reasoning)>", re.I)
 
@@ -57,7 +59,9 @@ def json_objects(text: str) -> Iterator[Pairs]:
     NaN and Infinity are read as such. What is no JSON is passed over, with everything in it:
     the inner objects of a broken or cut-off answer are no answer.
     """
-    decoder = json.JSONDecoder(object_pairs_hook=lambda pairs: Pairs(tuple(pairs)))
+    decoder = json.JSONDecoder(
+        object_pairs_hook=lambda pairs: Pairs(tuple(pairs)), parse_int=_whole_number
+    )
     found: list[Pairs] = []
     position, tried = text.find("{"), 0
     while position >= 0 and tried < MOST_OBJECTS:
@@ -73,3 +77,8 @@ def json_objects(text: str) -> Iterator[Pairs]:
             found.append(value)
         position = text.find("{", end)
     yield from reversed(found)
+
+
+def _whole_number(digits: str) -> int | float:
+    """Read a whole number; a model that repeats one digit for ever must not be an error of ours."""
+    return int(digits) if len(digits) <= MOST_DIGITS else float(digits)

@@ -10,7 +10,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import Enum, auto
 
+from solver.directives import Weights
+
 Rows = tuple[tuple[int, tuple[int, ...]], ...]
+"""(robot id, target ids) per robot, as said."""
 
 _FEEDBACK = re.compile(
     r"^[ \t>*_#-]{0,20}feedback\s*(?:to|for)?\s*(?:the\s*)?(?:human)?\s*(?:supervisor|operator)?"
@@ -207,7 +210,7 @@ _NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?|[-+]?(?:nan|inf(?:init
 _LIST = re.compile(r"\[([^\[\]]{0,200})\]")
 _NAMED = {
     name: re.compile(rf"(?:{name}|w{k})\b[^\d\n+-]{{0,40}}?({_NUMBER})(?![\w.]*\))", re.I)
-    for k, name in enumerate(("tracking", "control", "sensing", "communication"), start=1)
+    for k, name in enumerate(Weights._fields, start=1)
 }
 _SEVERITY = re.compile(
     rf"severity\s+of\s+(?:the\s+)?(?:\w+\s+)?zone\s+([\w.-]+?)\s*"
@@ -215,7 +218,7 @@ _SEVERITY = re.compile(
     re.I,
 )
 _REPLAN = re.compile(
-    r"\breplan\s+(?:the\s+)?(?:drones?|robots?)\s*(\d+(?:\s*(?:,|and)\s*\d+)*)", re.I
+    r"\breplan\s+(?:the\s+)?(?:drones?|robots?)\s*(\d{1,9}(?:\s*(?:,|and)\s*\d{1,9})*)", re.I
 )
 
 

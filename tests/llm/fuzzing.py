@@ -44,7 +44,7 @@ NASTY = (
     *("true", '""', "{}", "[]", "[[[[", "}}}}", '{"a":' * 50, "\\", '"', "```", "\n", "\n\n"),
     *("Drone", "Target", "zone", "21", "122", "<think>", "</think>", "Comment c1: applied"),
     *("\x00", "\ud83d\ude00", "\u2028", "\u202e", "\uff19", "Feedback: ", ": ", "-> ", "| "),
-    *("not ", "avoid ", "and "),
+    *("not ", "avoid ", "and ", "7" * 5000, "Replan Drone "),
 )
 
 

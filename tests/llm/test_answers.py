@@ -115,6 +115,22 @@ def test_parts_of_a_broken_answer_are_no_answer(text: str) -> None:
         read_action(text)
 
 
+SEVENS = "7" * 5000
+"""More digits than Python turns into a whole number."""
+
+
+def test_a_digit_repeated_for_ever_is_no_id_and_no_number() -> None:
+    assert read_task(f'{{"assignment": {{"21": [{SEVENS}, 124]}}}}').assignment == (
+        (21, (-1, 124)),
+    )
+    answer = read_action(f'{{"weights": [{SEVENS}, 1, 2, 3], "replan": [{SEVENS}]}}')
+    assert answer.weights == (math.inf, 1.0, 2.0, 3.0)
+    assert answer.replan == (-1,)
+    with pytest.raises(AnswerError, match="cut off"):
+        read_task(f'{{"assignment": {{"21": [{SEVENS}')
+    assert read_action(f"[1, 2, 3, 4]\nReplan Drone {SEVENS}").replan == (777777777,)
+
+
 def test_a_repeated_key_is_not_lost() -> None:
     answer = read_task('{"assignment": {"21": [122], "21": [124]}}')
     assert answer.assignment == ((21, (122,)), (21, (124,)))
