@@ -118,18 +118,22 @@ class LocalModel:
         """Start the worker; return its address.
 
         Raises:
-            ModelError: when it says that it cannot be, or ends without a word.
+            ModelError: when it cannot be started, says that it cannot be, or ends without a word.
         """
-        self._process = await asyncio.create_subprocess_exec(
-            *self.command,
-            str(self.niceness),
-            stdin=asyncio.subprocess.PIPE,
-            stdout=asyncio.subprocess.PIPE,
-            stderr=asyncio.subprocess.DEVNULL,
-            limit=LONGEST_LINE,
-            # A Ctrl-C is ours to handle: the worker ends when its input does.
-            start_new_session=True,
-        )
+        try:
+            self._process = await asyncio.create_subprocess_exec(
+                *self.command,
+                str(self.niceness),
+                stdin=asyncio.subprocess.PIPE,
+                stdout=asyncio.subprocess.PIPE,
+                stderr=asyncio.subprocess.DEVNULL,
+                limit=LONGEST_LINE,
+                # A Ctrl-C is ours to handle: the worker ends when its input does.
+                start_new_session=True,
+            )
+        except OSError as error:
+            words = f"the embedded model cannot be started ({type(error).__name__})"
+            raise ModelError(ErrorKind.CONNECTION, words) from error
         if self._process.stdout is None:
             raise ModelError(ErrorKind.CONNECTION, "the embedded model cannot be heard")
         while line := await self._process.stdout.readline():

@@ -88,14 +88,15 @@ def main() -> int:
         try:
             if path is None:
                 raise ImportError(PACKAGE)
-            server, base_url = serve(path)
+            # It serves for as long as somebody holds it.
+            _server, base_url = serve(path)
         except ImportError:
             pipe.write(json.dumps({"error": MISSING}) + "\n")
             return 3
         pipe.write(json.dumps({"base_url": base_url}) + "\n")
     sys.stdin.buffer.read()
     # The server's own threads would keep the process for as long as they generate.
-    os._exit(0 if server is not None else 1)
+    os._exit(0)
 
 
 if __name__ == "__main__":

@@ -101,6 +101,15 @@ async def test_workers_that_do_not_come_up(way: str, kind: ErrorKind, words: str
         assert asked._process is None
 
 
+@pytest.mark.asyncio
+async def test_a_worker_that_cannot_even_be_started(tmp_path: Path) -> None:
+    async with LocalModel(command=(str(tmp_path / "nowhere"),)) as asked:
+        error = await error_of(asked)
+        assert error.kind is ErrorKind.CONNECTION
+        assert "cannot be started (FileNotFoundError)" in str(error)
+        assert asked.breaker.failures == 1
+
+
 @pytest.mark.process
 @pytest.mark.asyncio
 async def test_a_start_is_cancelled_at_once() -> None:
