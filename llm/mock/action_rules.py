@@ -7,12 +7,19 @@ from dataclasses import dataclass, field
 
 from llm.mock.comment_rules import Wish, WishKind
 from llm.mock.comment_text import wishes
-from llm.mock.deciding import FOREIGN_WORDS, ActionDecision, Reaction, combined, unclear_words
+from llm.mock.deciding import (
+    FOREIGN_WORDS,
+    NAMES,
+    ActionDecision,
+    Reaction,
+    combined,
+    unclear_words,
+    unknown_words,
+)
 from llm.mock.explaining import NEAR_ZONE_M, explain, stands_still
 from llm.mock.reading import Reading, SeenZone
 
 TRACKING, CONTROL, SENSING, COMMUNICATION = range(4)
-NAMES = ("tracking", "control", "sensing", "communication")
 _SAFETY = {"sensing": SENSING, "communication": COMMUNICATION}
 
 STEP = 2.0
@@ -99,7 +106,7 @@ def decide(reading: Reading) -> ActionDecision:
 def _from_attacks(reading: Reading, draft: _Draft) -> None:
     kinds = Counter(attack.kind for attack in reading.attacks)
     for kind, index in _SAFETY.items():
-        if not kinds[kind] or index >= len(reading.bounds):
+        if not kinds[kind]:
             continue
         ceiling = ATTACK_REACH * _middle(reading.bounds[index]) * _eagerness(reading)
         if draft.weights[index] < ceiling:
@@ -166,7 +173,7 @@ def _rounded(value: float) -> float:
 
 def _react(reading: Reading, draft: _Draft, wish: Wish) -> tuple[str, str]:
     """Do what a comment asks of the weights; return (verdict, reason)."""
-    unknown = _unknown(reading, wish)
+    unknown = unknown_words(reading, wish.robots, wish.targets)
     if unknown:
         return "declined", unknown
     match wish.kind:
@@ -247,9 +254,10 @@ def _set_weights(reading: Reading, draft: _Draft, wish: Wish) -> tuple[str, str]
 def _set_severity(reading: Reading, draft: _Draft, wish: Wish) -> tuple[str, str]:
     """Raise zones to the severity that is asked for; it may not be lowered."""
     zones, value = _zones_meant(reading, wish), wish.value or 0.0
-    if not zones or "severities" not in reading.offers:
-        named = f" {' or '.join(wish.zones)}" if wish.zones else ""
-        return "declined", f"No zone{named} is known yet."
+    if not zones:
+        return "declined", _no_zone_words(wish)
+    if "severities" not in reading.offers:
+        return "declined", "Severities cannot be changed here."
     if not 1.0 <= value <= reading.severity_upper:
         words = f"A severity must be between 1 and {reading.severity_upper:g}, not {value:g}."
         return "declined", words
@@ -272,6 +280,12 @@ def _zones_meant(reading: Reading, wish: Wish) -> list[SeenZone]:
     return [zone for zone in zones if any(_called(zone.label, name) for name in wish.zones)]
 
 
+def _no_zone_words(wish: Wish) -> str:
+    kind = f"{wish.zone_kind} " if wish.zone_kind else ""
+    named = f" {' or '.join(wish.zones)}" if wish.zones else ""
+    return f"No {kind}zone{named} is known yet."
+
+
 def _called(label: str, name: str) -> bool:
     """Return whether a zone may be called so: "s1", or "1" for its number."""
     if label.lower() == name.lower():
@@ -283,10 +297,8 @@ def _called(label: str, name: str) -> bool:
 def _raise_zones(
     reading: Reading, draft: _Draft, zones: Sequence[SeenZone], factor: float, wish: Wish
 ) -> tuple[str, str]:
-    kind = f"{wish.zone_kind} " if wish.zone_kind else ""
     if not zones:
-        named = f" {' or '.join(wish.zones)}" if wish.zones else ""
-        return "declined", f"No {kind}zone{named} is known yet."
+        return "declined", _no_zone_words(wish)
     raised, weights = [], []
     for zone in zones:
         severity = _rounded(min(reading.severity_upper, zone.severity * factor))
@@ -339,20 +351,17 @@ def _unstick(reading: Reading, draft: _Draft, wish: Wish) -> tuple[str, str]:
         robots = [r for r in reading.robots if r.free and stands_still(r)]
     if not robots:
         return "noted", "No drone stands still; the slowest moves faster than 0.05 m/s."
-    reasons = []
-    for robot in robots:
-        reasons.append(explain(reading, robot))
-        if robot.free and "replan" in reading.offers and stands_still(robot):
-            draft.replan.append(robot.id)
-    if draft.replan:
-        names = " and ".join(f"Drone {robot_id}" for robot_id in draft.replan)
-        reasons.append(f"{names} is planned afresh.")
-        draft.reasons.append(reasons[-1])
-    return ("applied" if draft.replan else "noted"), " ".join(reasons)
-
-
-def _unknown(reading: Reading, wish: Wish) -> str:
-    robots = [r for r in wish.robots if r not in {robot.id for robot in reading.robots}]
-    targets = [t for t in wish.targets if t not in {target.id for target in reading.targets}]
-    missing = [f"Drone {r}" for r in robots] + [f"Target {t}" for t in targets]
-    return f"There is no {' and no '.join(missing)}." if missing else ""
+    reasons = [explain(reading, robot) for robot in robots]
+    freed = [
+        robot.id
+        for robot in robots
+        if robot.free and "replan" in reading.offers and stands_still(robot)
+    ]
+    if freed:
+        names = " and ".join(f"Drone {robot_id}" for robot_id in freed)
+        reasons.append(f"{names} {'is' if len(freed) == 1 else 'are'} planned afresh.")
+        if not set(freed) <= set(draft.replan):
+            draft.reasons.append(reasons[-1])
+    # Two comments may be about the same robot; it is planned afresh once.
+    draft.replan = list(dict.fromkeys((*draft.replan, *freed)))
+    return ("applied" if freed else "noted"), " ".join(reasons)

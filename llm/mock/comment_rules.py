@@ -89,13 +89,14 @@ class Wish:
 
 _IDS = r"(\d+(?:\s*(?:,\s*and|,|and|&|or)\s*\d+)*)"
 _NO = r"[\s-]*(?:#|no\.?|number|id)?\s*"
-_VEHICLE = (
-    r"\b(?:drones?|robots?|uavs?|quadrotors?|quadcopters?|copters?|vehicles?|falcons?|r(?=\d))"
+_ANY_VEHICLE = (
+    r"(?:drones?|robots?|uavs?|quadrotors?|quadcopters?|copters?|vehicles?|falcons?|r(?=\d))"
 )
+_VEHICLE = rf"\b{_ANY_VEHICLE}"
 _ROBOTS = re.compile(rf"{_VEHICLE}{_NO}{_IDS}", re.I)
 _TARGETS = re.compile(rf"\b(?:targets?|ground robots?){_NO}{_IDS}", re.I)
 _EVERYONE = re.compile(
-    rf"\b(?:all|both|every|each)\s+(?:of\s+)?(?:the\s+)?(?:\w+\s+)?{_VEHICLE[2:]}\b", re.I
+    rf"\b(?:all|both|every|each)\s+(?:of\s+)?(?:the\s+)?(?:\w+\s+)?{_ANY_VEHICLE}\b", re.I
 )
 _WEIGHT_NAMES = tuple(
     re.compile(pattern, re.I)

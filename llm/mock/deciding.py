@@ -33,6 +33,14 @@ def combined(label: str, parts: Sequence[Reaction]) -> Reaction:
 FOREIGN_WORDS = "I understand English only; please say it in English. Nothing was changed for it."
 
 
+def unknown_words(reading: Reading, robot_ids: Sequence[int], target_ids: Sequence[int]) -> str:
+    """Say which of the robots and targets that a comment names do not exist; "" for none."""
+    robots, targets = {r.id for r in reading.robots}, {t.id for t in reading.targets}
+    missing = [f"Drone {r}" for r in robot_ids if r not in robots]
+    missing += [f"Target {t}" for t in target_ids if t not in targets]
+    return f"There is no {' and no '.join(missing)}." if missing else ""
+
+
 def unclear_words(words: str) -> str:
     """Say what was not understood."""
     return f"I did not understand {json.dumps(words, ensure_ascii=False)}."
@@ -61,7 +69,8 @@ class ActionDecision:
 
 Decision = TaskDecision | ActionDecision
 
-_NAMES = ("tracking", "control", "sensing", "communication")
+NAMES = ("tracking", "control", "sensing", "communication")
+"""Of the weights, in the paper's order."""
 
 
 def write(decision: Decision, reading: Reading) -> str:
@@ -81,8 +90,8 @@ def _as_json(decision: Decision, reading: Reading) -> dict[str, object]:
             ]
     else:
         weights = decision.weights
-        named = len(weights) == len(_NAMES)
-        body["weights"] = dict(zip(_NAMES, weights, strict=True)) if named else list(weights)
+        named = len(weights) == len(NAMES)
+        body["weights"] = dict(zip(NAMES, weights, strict=True)) if named else list(weights)
         if "severities" in reading.offers:
             body["severities"] = [
                 {"zone": label, "severity": severity} for label, severity in decision.severities

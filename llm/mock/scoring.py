@@ -163,15 +163,8 @@ def _total(parts: Iterable[Part]) -> Cost:
     return Cost(overload, uncovered, unsighted, doubled, trace)
 
 
-@dataclass(eq=False)
 class Board:
     """A plan with its cost kept piece by piece, so that a small change is cheap to price."""
-
-    scorer: Scorer
-    plan: dict[int, frozenset[int]]
-    _watchers: dict[int, frozenset[int]] = field(init=False)
-    _robots: dict[int, Part] = field(init=False)
-    _targets: dict[int, Part] = field(init=False)
 
     def __init__(self, scorer: Scorer, plan: Plan) -> None:
         self.scorer = scorer

@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 from llm.mock.reading import Reading, SeenRobot
@@ -23,7 +23,8 @@ MOST_STEPS = 6000
 MOST_EXCHANGED = 16
 """Robots tried for changing places wholly."""
 
-NO_GAIN = -1e-9
+NOTHING = Cost(0, 0, 0, 0, -1e-9)
+"""A change that does not cost less than this is none."""
 
 Pair = tuple[int, int]
 
@@ -75,7 +76,7 @@ def sound(reading: Reading, plan: Plan, bounds: Bounds) -> Plan:
                 for robot_id, row in rows.items()
             )
             if not watched:
-                _give(reading, rows, able, bounds, target.id, set())
+                _give(reading, rows, able, bounds, target.id)
     return {robot_id: frozenset(row) for robot_id, row in rows.items()}
 
 
@@ -85,46 +86,68 @@ def _give(
     able: list[SeenRobot],
     bounds: Bounds,
     target_id: int,
-    tried: set[int],
 ) -> bool:
-    """Find a robot for a target, by an augmenting path; return whether there is one."""
+    """Find a robot for a target, by an augmenting path; return whether there is one.
+
+    The path is kept as a list: in a large team that is full it is longer than calls may be nested.
+    """
+    tried: set[int] = set()
+    path: list[tuple[int, int, int]] = []
+    """(robot, target it takes, target it gives up) of those that have not found a taker yet."""
+    offers = [_offers(reading, rows, able, bounds, target_id, tried)]
+    while offers:
+        wanted = path[-1][2] if path else target_id
+        robot_id, given_up = next(offers[-1], (None, None))
+        if robot_id is None:
+            offers.pop()
+            if path:
+                robot_id, _, kept = path.pop()
+                rows[robot_id].add(kept)
+            continue
+        if given_up is not None:
+            rows[robot_id].discard(given_up)
+            if not any(given_up in rows[other.id] for other in able):
+                path.append((robot_id, wanted, given_up))
+                offers.append(_offers(reading, rows, able, bounds, given_up, tried))
+                continue
+        for taker, taken, _ in (*path, (robot_id, wanted, given_up)):
+            rows[taker].add(taken)
+        return True
+    return False
+
+
+def _offers(
+    reading: Reading,
+    rows: dict[int, set[int]],
+    able: list[SeenRobot],
+    bounds: Bounds,
+    target_id: int,
+    tried: set[int],
+) -> Iterator[tuple[int, int | None]]:
+    """Yield robots that could take a target, the nearest first, and what each would give up."""
     for robot in _by_distance(reading, able, target_id):
         if robot.id in tried or (robot.id, target_id) in bounds.forbidden:
             continue
         tried.add(robot.id)
-        row = rows[robot.id]
-        if len(row) < robot.capacity:
-            row.add(target_id)
-            return True
-        for given_up in sorted(row):
-            if (robot.id, given_up) in bounds.required:
-                continue
-            row.discard(given_up)
-            elsewhere = any(given_up in rows[other.id] for other in able)
-            if elsewhere or _give(reading, rows, able, bounds, given_up, tried):
-                row.add(target_id)
-                return True
-            row.add(given_up)
-    return False
+        if len(rows[robot.id]) < robot.capacity:
+            yield robot.id, None
+        for given_up in sorted(rows[robot.id]):
+            if (robot.id, given_up) not in bounds.required:
+                yield robot.id, given_up
 
 
 def improved(reading: Reading, plan: Plan, bounds: Bounds, least_gain: float = CLEAR_GAIN) -> Plan:
     """Return a plan whose summed trace is less by a share of `least_gain`, or the plan itself."""
     board = Board(Scorer(reading, bounds.one_each), plan)
     start = board.cost
-    _descend(reading, board, bounds, wanted=lambda gain: gain < _NOTHING)
+    _descend(reading, board, bounds)
     cost = board.cost
     needed = replace(cost, trace=0.0) < replace(start, trace=0.0)
     return board.plan if needed or cost.trace < (1.0 - least_gain) * start.trace else plan
 
 
-_NOTHING = Cost(0, 0, 0, 0, NO_GAIN)
-
-
-def _descend(
-    reading: Reading, board: Board, bounds: Bounds, wanted: Callable[[Cost], bool]
-) -> None:
-    """Take, target by target, the best wanted change there is, until there is none."""
+def _descend(reading: Reading, board: Board, bounds: Bounds) -> None:
+    """Take, target by target, the best change that helps, until there is none."""
     steps = MOST_STEPS
     moved = True
     while moved and steps > 0:
@@ -134,25 +157,20 @@ def _descend(
             priced = [(board.gain(change), index) for index, change in enumerate(changes)]
             steps -= len(priced)
             best = min(priced, default=None)
-            if best is not None and wanted(best[0]):
+            if best is not None and best[0] < NOTHING:
                 board.apply(changes[best[1]])
                 moved = True
             if steps <= 0:
                 break
-        moved = moved or _exchange(board, bounds, _pairs(reading, board.plan), wanted)
+        moved = moved or _exchange(board, bounds, _pairs(reading, board.plan))
 
 
-def _exchange(
-    board: Board,
-    bounds: Bounds,
-    pairs: list[tuple[SeenRobot, SeenRobot]],
-    wanted: Callable[[Cost], bool],
-) -> bool:
-    """Let two robots change places wholly, where that is wanted; return whether any did."""
+def _exchange(board: Board, bounds: Bounds, pairs: list[tuple[SeenRobot, SeenRobot]]) -> bool:
+    """Let two robots change places wholly, where that helps; return whether any did."""
     for one, other in pairs:
         change = {one.id: board.plan[other.id], other.id: board.plan[one.id]}
         fits = len(change[one.id]) <= one.capacity and len(change[other.id]) <= other.capacity
-        if fits and bounds.allow(change) and wanted(board.gain(change)):
+        if fits and bounds.allow(change) and board.gain(change) < NOTHING:
             board.apply(change)
             return True
     return False

@@ -5,7 +5,14 @@ from dataclasses import replace
 
 from llm.mock.comment_rules import TASK_KINDS, Wish, WishKind
 from llm.mock.comment_text import wishes
-from llm.mock.deciding import FOREIGN_WORDS, Reaction, TaskDecision, combined, unclear_words
+from llm.mock.deciding import (
+    FOREIGN_WORDS,
+    Reaction,
+    TaskDecision,
+    combined,
+    unclear_words,
+    unknown_words,
+)
 from llm.mock.reading import Reading, SeenComment, SeenRobot
 from llm.mock.scoring import Plan, Scorer
 from llm.mock.search import CLEAR_GAIN, SMALL_GAIN, Bounds, Pair, duties, improved, sound
@@ -57,7 +64,7 @@ def _grant(
     reading: Reading, plan: Plan, bounds: Bounds, comment: SeenComment, wish: Wish
 ) -> tuple[Plan, Reaction]:
     """Do what a comment asks of the assignment, or say why not."""
-    unknown = _unknown(reading, wish)
+    unknown = unknown_words(reading, wish.robots, wish.targets)
     if unknown:
         return plan, Reaction(comment.label, "declined", unknown)
     if wish.kind is WishKind.SPREAD:
@@ -75,7 +82,7 @@ def _grant(
             already.append(words)
             (bounds.required if wanted else bounds.forbidden)[pair] = comment.label
             continue
-        changed, why = _least_change(reading, plan, bounds, pair, wanted=wanted)
+        changed, why = _least_change(reading, plan, bounds, pair, wish.kind)
         if changed is None:
             refused.append(why)
             continue
@@ -118,10 +125,15 @@ def _reaction(
 
 
 def _least_change(
-    reading: Reading, plan: Plan, bounds: Bounds, pair: Pair, *, wanted: bool
+    reading: Reading, plan: Plan, bounds: Bounds, pair: Pair, kind: WishKind
 ) -> tuple[Plan | None, str]:
-    """Return the plan nearest to the present one that grants a pair at no cost of cover."""
+    """Return the plan nearest to the present one that grants a wish at no cost of cover.
+
+    Where there is none, None and the reason. The kind is FOCUS or RELEASE: the pair is to be, or
+    is not to be.
+    """
     robot_id, target_id = pair
+    wanted = kind is WishKind.FOCUS
     robot = next(robot for robot in reading.robots if robot.id == robot_id)
     if robot.lost:
         return None, f"Drone {robot_id} is lost."
@@ -138,7 +150,7 @@ def _least_change(
     now = scorer.cost(plan)
     found = [
         (_distance(plan, candidate), scorer.cost(candidate), candidate)
-        for candidate in _ways(reading, plan, pair, wanted=wanted)
+        for candidate in (_ways_to_take if wanted else _ways_to_give_up)(reading, plan, pair)
         if wanted_bounds.allow(candidate)
     ]
     able = [entry for entry in found if duties(entry[1]) <= duties(now)]
@@ -151,46 +163,52 @@ def _least_change(
                 dict(bounds.forbidden),
                 bounds.one_each,
             )
-            return _least_change(reading, plan, fewer, pair, wanted=wanted)
-        return None, _why_not(robot, target_id, wanted=wanted)
+            return _least_change(reading, plan, fewer, pair, kind)
+        return None, _why_not(robot, target_id, kind)
     best = min(able, key=lambda entry: (entry[0], entry[1]))
     return best[2], ""
 
 
-def _ways(reading: Reading, plan: Plan, pair: Pair, *, wanted: bool) -> Iterator[Plan]:
-    """Yield plans that grant a pair: added, exchanged, handed over, swapped."""
+def _ways_to_take(reading: Reading, plan: Plan, pair: Pair) -> Iterator[Plan]:
+    """Yield plans in which a pair is: added, exchanged, handed over, swapped."""
     robot_id, target_id = pair
-    others = [r for r in reading.robots if r.free and r.id != robot_id and r.id in plan]
-    if not wanted:
-        freed = {**plan, robot_id: plan[robot_id] - {target_id}}
-        yield freed
-        for other in others:
-            taken = {**freed, other.id: freed[other.id] | {target_id}}
-            yield taken
-            for target in sorted(plan[other.id] - {target_id}):
-                swapped = {**taken, other.id: taken[other.id] - {target}}
-                yield swapped
-                yield {**swapped, robot_id: swapped[robot_id] | {target}}
-        return
     added = {**plan, robot_id: plan[robot_id] | {target_id}}
     yield added
     for given_up in sorted(plan[robot_id]):
         exchanged = {**added, robot_id: added[robot_id] - {given_up}}
         yield exchanged
-        for other in others:
-            yield {**exchanged, other.id: exchanged[other.id] | {given_up}}
-            if target_id in plan[other.id]:
-                yield {**exchanged, other.id: (exchanged[other.id] - {target_id}) | {given_up}}
+        for other in _others(reading, plan, robot_id):
+            yield {**exchanged, other: exchanged[other] | {given_up}}
+            if target_id in plan[other]:
+                yield {**exchanged, other: (exchanged[other] - {target_id}) | {given_up}}
+
+
+def _ways_to_give_up(reading: Reading, plan: Plan, pair: Pair) -> Iterator[Plan]:
+    """Yield plans in which a pair is not: dropped, handed over, swapped."""
+    robot_id, target_id = pair
+    freed = {**plan, robot_id: plan[robot_id] - {target_id}}
+    yield freed
+    for other in _others(reading, plan, robot_id):
+        taken = {**freed, other: freed[other] | {target_id}}
+        yield taken
+        for target in sorted(plan[other] - {target_id}):
+            swapped = {**taken, other: taken[other] - {target}}
+            yield swapped
+            yield {**swapped, robot_id: swapped[robot_id] | {target}}
+
+
+def _others(reading: Reading, plan: Plan, robot_id: int) -> list[int]:
+    return [r.id for r in reading.robots if r.free and r.id != robot_id and r.id in plan]
 
 
 def _distance(plan: Plan, other: Plan) -> int:
     return sum(len(plan[robot_id] ^ other[robot_id]) for robot_id in plan)
 
 
-def _why_not(robot: SeenRobot, target_id: int, *, wanted: bool) -> str:
-    if wanted and robot.capacity == 0:
+def _why_not(robot: SeenRobot, target_id: int, kind: WishKind) -> str:
+    if kind is WishKind.FOCUS and robot.capacity == 0:
         return f"Drone {robot.id} can track no target."
-    if wanted:
+    if kind is WishKind.FOCUS:
         return f"With Target {target_id} for Drone {robot.id} another target would have no drone."
     return f"No other drone has room for Target {target_id}."
 
@@ -212,7 +230,7 @@ def _capacity(
     reading: Reading, comment: SeenComment, wish: Wish, capacities: tuple[tuple[int, int], ...]
 ) -> tuple[Reading, tuple[tuple[int, int], ...], Reaction]:
     """Let a robot track fewer (or more) targets, where no target loses its cover by it."""
-    unknown = _unknown(reading, replace(wish, targets=()))
+    unknown = unknown_words(reading, wish.robots, ())
     meant = wish.robots or (_everyone(reading) if wish.everyone else ())
     robots = [r for r in reading.robots if r.id in meant and r.free]
     if unknown or not robots or wish.number is None:
@@ -232,9 +250,11 @@ def _capacity(
     if "capacities" not in reading.offers:
         words = "Capacities cannot be changed here."
         return reading, capacities, Reaction(comment.label, "declined", words)
-    asked = (*capacities, *((robot.id, wish.number) for robot in robots))
+    # Each robot once: what is said last counts.
+    asked = tuple({**dict(capacities), **{robot.id: wish.number for robot in robots}}.items())
     names = " and ".join(f"Drone {robot.id}" for robot in robots)
-    words = f"{names} tracks at most {wish.number} from now on."
+    verb = "tracks" if len(robots) == 1 else "track"
+    words = f"{names} {verb} at most {wish.number} from now on."
     return replace(reading, robots=changed), asked, Reaction(comment.label, "applied", words)
 
 
@@ -246,18 +266,10 @@ def _elsewhere(reading: Reading, wish: Wish) -> tuple[str, str]:
         return "declined", FOREIGN_WORDS
     if wish.kind is WishKind.UNCLEAR:
         return "declined", unclear_words(wish.words)
-    unknown = _unknown(reading, wish)
+    unknown = unknown_words(reading, wish.robots, wish.targets)
     if unknown:
         return "declined", unknown
     return "noted", "The weights and zones see to this; the assignment stays."
-
-
-def _unknown(reading: Reading, wish: Wish) -> str:
-    """Say which robots or targets of a comment do not exist."""
-    robots = [r for r in wish.robots if r not in {robot.id for robot in reading.robots}]
-    targets = [t for t in wish.targets if t not in {target.id for target in reading.targets}]
-    missing = [f"Drone {r}" for r in robots] + [f"Target {t}" for t in targets]
-    return f"There is no {' and no '.join(missing)}." if missing else ""
 
 
 def _feedback(reading: Reading, before: Plan, after: Plan) -> str:

@@ -4,7 +4,7 @@ import pytest
 
 from llm.consultation import Accepted
 from llm.history import HistoryEntry
-from llm.prompts import AnswerForm, Loop, PromptView
+from llm.prompts import AnswerForm, Loop, PromptStyle, PromptView
 from solver.directives import CommentVerdict, Proposal, Weights
 from solver.observations import Attack, Link
 from solver.problem import Rung
@@ -146,6 +146,17 @@ async def test_why_does_the_drone_get_stuck_is_answered_from_facts() -> None:
     assert "the last optimization ended feasible" in reason
 
 
+@pytest.mark.parametrize("form", list(AnswerForm))
+@pytest.mark.asyncio
+async def test_a_drone_that_two_comments_call_stuck_is_replanned_once(form: AnswerForm) -> None:
+    scene = hardware().saying("Drone 21 is stuck.", "Drone 21 does not move, nor does drone 26.")
+    proposal = await weighed(scene, form)
+    assert proposal.replan == (21, 26)
+    first, second = (answer.reason for answer in proposal.comment_answers)
+    assert first.endswith("Drone 21 is planned afresh.")
+    assert second.endswith("Drone 21 and Drone 26 are planned afresh.")
+
+
 @pytest.mark.asyncio
 async def test_a_drone_that_moves_is_explained_but_not_replanned() -> None:
     scene = replace(hardware(), velocities={21: (0.3, 0.0)})
@@ -257,6 +268,15 @@ async def test_weights_may_be_named(
     proposal = await weighed(hardware().saying(text))
     assert proposal.weights == weights
     assert verdict_of(proposal)[0] is verdict
+
+
+@pytest.mark.asyncio
+async def test_a_severity_that_is_not_offered_is_not_said_to_be_of_an_unknown_zone() -> None:
+    scene = hardware().saying("Set the severity of zone s1 to 3.")
+    view = PromptView(scene.snapshot(), LIMITS, style=PromptStyle.COMPACT)
+    _, outcome = await consulted(view, Loop.ACTION)
+    assert isinstance(outcome, Accepted)
+    assert verdict_of(outcome.proposal) == (DECLINED, "Severities cannot be changed here.")
 
 
 @pytest.mark.asyncio

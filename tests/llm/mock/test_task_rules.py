@@ -5,6 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from llm.mock.reading import SeenRobot, SeenTarget
+from llm.mock.search import Bounds, sound
 from llm.mock.task_rules import decide
 from llm.prompts import AnswerForm
 from llm.verification import beta
@@ -226,6 +228,29 @@ async def test_capacity() -> None:
     assert proposal.capacities == ((21, 1),)
     assert len(rows_of(proposal)[21]) == 1
     assert verdict_of(proposal)[0] is APPLIED
+
+
+@pytest.mark.asyncio
+async def test_of_two_capacities_for_one_drone_the_later_counts() -> None:
+    texts = ("Drone 0 can track up to three targets.", "Drone 0 can track up to four targets.")
+    proposal = await asked(ablation().saying(*texts))
+    assert proposal.capacities == ((0, 4),)
+    assert [answer.verdict for answer in proposal.comment_answers] == [APPLIED, APPLIED]
+
+
+def test_a_target_is_handed_on_through_a_team_of_any_size() -> None:
+    """Everybody is full but the last: each hands its target on to the next in line."""
+    count = 1200
+    robots = [SeenRobot(k, (float(k), 0.0), row=(k,), capacity=1) for k in range(count)]
+    robots[-1] = replace(robots[-1], row=())
+    targets = [SeenTarget(k, (k + 0.6, 0.0)) for k in range(count - 1)]
+    lone = SeenTarget(count, (-1.0, 0.0))
+    reading = replace(
+        reading_of(hardware()), robots=tuple(robots), targets=(*targets, lone), zones=()
+    )
+    rows = sound(reading, {robot.id: frozenset(robot.row) for robot in robots}, Bounds())
+    assert {target for row in rows.values() for target in row} == {*range(count - 1), count}
+    assert max(len(row) for row in rows.values()) == 1
 
 
 @pytest.mark.parametrize(
