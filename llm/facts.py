@@ -90,9 +90,9 @@ def _rows(assignment: Iterable[Pairing]) -> dict[int, list[int]]:
 
 def still_lines(snapshot: Snapshot, history: Sequence[HistoryEntry]) -> Iterator[str]:
     """Tell which robots have hardly moved over the recent results, though they can be reached."""
-    if not history or snapshot.time_s - history[0].time_s < STILL_FOR_S:
+    span_s = snapshot.time_s - history[0].time_s if history else 0.0
+    if span_s < STILL_FOR_S:
         return
-    span_s = snapshot.time_s - history[0].time_s
     robots = snapshot.robots
     places = [{robot.robot_id: robot.position for robot in entry.robots} for entry in history]
     for i, robot_id in enumerate(robots.ids):

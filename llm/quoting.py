@@ -11,6 +11,8 @@ import re
 import unicodedata
 from collections.abc import Iterable, Mapping
 
+from llm import words
+
 BLOCK_START = "<<<COMMENTS"
 BLOCK_END = "COMMENTS>>>"
 LONGEST_QUOTE = 400
@@ -29,9 +31,7 @@ def quoted(text: str, length: int = LONGEST_QUOTE) -> str:
     normal = unicodedata.normalize("NFKC", text[: 8 * length])
     spaced = _SPACES.sub(" ", normal)
     plain = "".join(c for c in spaced if unicodedata.category(c)[0] != "C").strip()
-    if len(plain) > length:
-        plain = f"{plain[: length - 3]}..."
-    literal = json.dumps(plain, ensure_ascii=False)
+    literal = json.dumps(words.cut(plain, length), ensure_ascii=False)
     return literal.replace("<", "\\u003c").replace(">", "\\u003e")
 
 

@@ -17,6 +17,8 @@ from solver.observations import Link
 from solver.snapshot import Snapshot
 
 LONGEST_FEEDBACK = 400
+"""Characters of a text to people that are asked for at most; more is read all the same."""
+
 WEIGHT_LEVELS = 9
 """Steps of a weight between its bounds in the compact style."""
 
@@ -24,6 +26,7 @@ MOST_ROWS = 128
 """Rows enumerated per robot at most."""
 
 SHORT_FEEDBACK = 100
+"""The same of models that are asked to be brief."""
 
 LEVELS = "levels"
 """Weights in steps, for models that copy numbers rather than reckon."""
