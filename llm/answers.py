@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from llm import sentences
+from llm import sentences, words
 from llm.extraction import Pairs, json_objects, without_thoughts
 from llm.sentences import Rows
 from solver.directives import CommentVerdict, Weights
@@ -258,7 +258,11 @@ def _json_zone_pairs(value: object) -> Iterator[tuple[str, float]]:
 
 def _feedback_of(found: Pairs) -> str:
     feedback = found.get("feedback", "")
-    return feedback.strip()[:LONGEST_FEEDBACK] if isinstance(feedback, str) else ""
+    return _to_people(feedback) if isinstance(feedback, str) else ""
+
+
+def _to_people(said: str) -> str:
+    return words.writable(said.strip()[:LONGEST_FEEDBACK])
 
 
 def _json_comments(value: object) -> Iterator[SaidOfComment]:
@@ -267,7 +271,7 @@ def _json_comments(value: object) -> Iterator[SaidOfComment]:
             said: Mapping[str, object] = {str(key): v for key, v in item.items}
             verdict = _verdict(str(said.get("verdict", "")))
             if verdict is not None:
-                reason = str(said.get("reason", "")).strip()[:LONGEST_FEEDBACK]
+                reason = _to_people(str(said.get("reason", "")))
                 yield SaidOfComment(str(said.get("id", "")), verdict, reason)
 
 

@@ -24,6 +24,7 @@ from llm.breaker import Breaker
 from llm.chat import ChatReply, ChatRequest, ErrorKind, LanguageModel, Message, ModelError
 from llm.dialect import AnswerFormat, Dialect
 from llm.tokens import estimate_tokens
+from llm.words import writable
 
 __all__ = [
     "ChatClient",
@@ -221,6 +222,9 @@ class ChatClient:
             headers.update(self.profile.headers)
             if key:
                 headers["Authorization"] = f"Bearer {key}"
+            if not all(value.isascii() for value in headers.values()):
+                words = "the key or a header holds characters that no header may hold"
+                raise ModelError(ErrorKind.REJECTED, words)
             # Credentials in the address would stand in the log of whoever logs requests.
             url = httpx.URL(self.profile.base_url.rstrip("/") + "/")
             if url.port is not None and not 0 < url.port <= LARGEST_PORT:
@@ -292,7 +296,7 @@ def _error_text(content: bytes) -> str:
         text = str(error.get("message", text) if isinstance(error, dict) else error)
     except (ValueError, AttributeError):
         text = text.strip() or "no reason given"
-    return " ".join(text.split())[:LONGEST_ERROR]
+    return writable(" ".join(text.split())[:LONGEST_ERROR])
 
 
 def _reply(content: bytes, request: ChatRequest) -> ChatReply:

@@ -131,16 +131,18 @@ class Consultation:
             tokens_out=self.stats.tokens_out + reply.tokens_out,
             latency_s=self.stats.latency_s + reply.latency_s,
         )
-        if reply.finish == "length" and not is_whole(reply.text):
-            return self._refused(reply.text, (CUT_OFF,), snapshot, Fault.UNREADABLE)
+        # It is echoed to the model, shown to people and kept in the journal.
+        text = words.writable(reply.text)
+        if reply.finish == "length" and not is_whole(text):
+            return self._refused(text, (CUT_OFF,), snapshot, Fault.UNREADABLE)
         try:
-            proposal = self._proposal(reply.text, snapshot)
+            proposal = self._proposal(text, snapshot)
         except AnswerError as error:
-            return self._refused(reply.text, (str(error),), snapshot, Fault.UNREADABLE)
+            return self._refused(text, (str(error),), snapshot, Fault.UNREADABLE)
         verdict = verify(proposal, snapshot, self.view.limits)
         if not verdict.accepted:
-            return self._refused(reply.text, verdict.violations, snapshot, Fault.VIOLATION)
-        self.attempts.append(Attempt(self.request, reply.text))
+            return self._refused(text, verdict.violations, snapshot, Fault.VIOLATION)
+        self.attempts.append(Attempt(self.request, text))
         first = self.stats.tries == 1
         self.stats = replace(self.stats, valid=True, valid_first=first)
         return Accepted(proposal, verdict)

@@ -63,3 +63,8 @@ def _rounded(bound: float, side: float) -> str:
 def cut(text: str, length: int) -> str:
     """Shorten a text to at most `length` characters, saying so."""
     return text if len(text) <= length else f"{text[: length - 3]}..."
+
+
+def writable(text: str) -> str:
+    """Return a text that UTF-8 can hold: half a surrogate pair, as JSON can spell it, becomes ?."""
+    return text.encode("utf-8", "replace").decode("utf-8")

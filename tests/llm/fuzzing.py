@@ -14,7 +14,7 @@ from collections import Counter
 from collections.abc import Iterator
 
 from llm.chat import ChatReply
-from llm.consultation import Accepted, consult
+from llm.consultation import Accepted, Outcome, Retry, consult
 from llm.prompts import Loop, PromptView
 from tests.llm.builders import LIMITS
 from tests.llm.injections import CORPUS
@@ -84,6 +84,18 @@ def answers(seed: int, count: int) -> Iterator[str]:
             yield changed(dice.choice(SAMPLES), dice)
 
 
+def can_be_written(outcome: Outcome) -> bool:
+    """Return whether all words of an outcome can be sent on and kept, as UTF-8."""
+    if isinstance(outcome, Accepted):
+        reasons = [answer.reason for answer in outcome.proposal.comment_answers]
+        said = [outcome.proposal.feedback, *reasons]
+    else:
+        said = list(outcome.reasons)
+    if isinstance(outcome, Retry):
+        said += [message.content for message in outcome.request.messages]
+    return all(text.isascii() or text.encode("utf-8", "replace").decode() == text for text in said)
+
+
 def campaign(seed: int, count: int) -> Counter[str]:
     """Judge so many answers; return how they fared.
 
@@ -100,6 +112,7 @@ def campaign(seed: int, count: int) -> Counter[str]:
             assert spent_s < LONGEST_S, f"{spent_s:.1f} s for {where}"
             if isinstance(outcome, Accepted):
                 assert outside(outcome.proposal, snapshot) == [], where
+            assert can_be_written(outcome), where
             fared[type(outcome).__name__] += 1
     return fared
 

@@ -231,6 +231,18 @@ async def test_an_address_that_is_none_is_a_connection_error(address: str) -> No
 
 
 @pytest.mark.asyncio
+async def test_a_key_that_no_header_can_hold_is_said_to_be_one_and_not_shown() -> None:
+    profile = ModelProfile("http://model.test/v1", "m", SecretStr(f"{SECRET}\u2019"))
+    endpoint = Endpoint(ok())
+    async with ChatClient(profile, transport=httpx.MockTransport(endpoint)) as client:
+        error = await error_of(client)
+    assert error.kind is ErrorKind.REJECTED
+    assert "no header may hold" in str(error)
+    assert SECRET not in f"{error!r} {error.__cause__!r} {error.__context__!r}"
+    assert endpoint.requests == []
+
+
+@pytest.mark.asyncio
 async def test_the_key_is_not_in_the_log_of_an_ordinary_call(
     caplog: pytest.LogCaptureFixture,
 ) -> None:

@@ -133,6 +133,17 @@ def test_unreadable_answers_are_told_so(text: str, finish: str, words: str) -> N
     assert words in outcome.reasons[0]
 
 
+def test_half_a_character_is_neither_sent_back_nor_kept() -> None:
+    scene = hardware()
+    call = task(scene)
+    outcome = call.receive(reply("Targets \ud83d."), scene.snapshot())
+    assert isinstance(outcome, Retry)
+    assert outcome.request.messages[-2].content == "Targets ?."
+    assert call.attempts[0].text == "Targets ?."
+    said = '{"assignment": {"21": [122], "26": [124]}, "feedback": "All \\ud83d well."}'
+    assert accepted(call.receive(reply(said), scene.snapshot())).feedback == "All ? well."
+
+
 def test_an_answer_complete_before_the_limit_counts() -> None:
     scene = hardware()
     text = '{"assignment": {"21": [122], "26": [124]}} And now I would like to'
