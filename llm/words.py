@@ -35,7 +35,8 @@ def number(value: float) -> str:
     """Write a number briefly: four significant digits, no trailing zeros, no exponent."""
     text = f"{value:.4g}"
     if "e" in text:
-        text = f"{value:.8f}" if abs(value) < 1.0 else f"{value:.0f}"
+        decimals = max(0, 3 - math.floor(math.log10(abs(value))))
+        text = f"{value:.{decimals}f}"
     if "." in text:
         text = text.rstrip("0").rstrip(".")
     return "0" if text == "-0" else text

@@ -5,7 +5,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from llm.mock.reading import SeenAttack, SeenPin, SeenZone, read
-from llm.prompts import AnswerForm, Loop, PromptStyle, request_for
+from llm.prompts import AnswerForm, Loop, PromptStyle, PromptView, request_for
+from llm.verification import Limits
+from solver.directives import Weights
 from tests.llm.builders import WEIGHTS, hardware
 from tests.llm.goldens import eventful
 from tests.llm.mock.asking import reading_of
@@ -51,6 +53,15 @@ def test_weights_and_bounds_are_understood() -> None:
     assert seen.bounds == ((1.0, 100.0), (0.005, 0.5), (5.0, 500.0), (5.0, 500.0))
     assert seen.severity_upper == 5.0
     assert seen.offers == {"severities", "replan"}
+
+
+def test_weights_of_any_size_are_understood() -> None:
+    weights = Weights(1.2345678e-6, 2.5e-5, 1e6, 50.0)
+    view = PromptView(replace(hardware(), weights=weights).snapshot(), Limits.around(weights))
+    request = request_for(Loop.ACTION, view)
+    seen = read([(message.role, message.content) for message in request.messages])
+    assert seen.weights == pytest.approx(weights, rel=1e-3)
+    assert [bound[0] for bound in seen.bounds] == pytest.approx([w / 10 for w in weights], rel=1e-2)
 
 
 @pytest.mark.parametrize("form", list(AnswerForm))
