@@ -1,6 +1,7 @@
 """The embedded model as a `LanguageModel`: its worker is started on first use."""
 
 import asyncio
+import contextlib
 import json
 import sys
 from collections.abc import Callable
@@ -34,6 +35,8 @@ class LocalModel:
 
     start_timeout_s: float = 60.0
     stop_timeout_s: float = 2.0
+    """How long a worker may take to end, of its own accord or because it is told to."""
+
     read_timeout_s: float = 120.0
     """A reply comes in one piece, after all of it has been generated."""
 
@@ -68,20 +71,27 @@ class LocalModel:
             client = await self._started()
             reply = await client.complete(request, timeout_s)
         except ModelError as error:
-            failure = self._explained(error)
+            failure = await self._explained(error)
             if self._client is None or failure is not error:
                 self.breaker.failed()
             raise failure from None
         self.breaker.succeeded()
         return reply
 
-    def _explained(self, error: ModelError) -> ModelError:
+    async def _explained(self, error: ModelError) -> ModelError:
         """Say so where the worker's end is behind an error."""
-        code = None if self._process is None else self._process.returncode
-        if code is None:
+        process = self._process
+        if process is None:
             return error
-        words = f"the embedded model's process has ended (code {code}); the next call starts it"
-        return ModelError(ErrorKind.CONNECTION, words)
+        if error.kind is ErrorKind.CONNECTION:
+            # A worker that dies is deaf before its end is known here.
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(self.stop_timeout_s):
+                    await process.wait()
+        if process.returncode is None:
+            return error
+        words = f"the embedded model's process has ended (code {process.returncode})"
+        return ModelError(ErrorKind.CONNECTION, f"{words}; the next call starts it")
 
     async def aclose(self) -> None:
         """Stop the worker, at the latest `stop_timeout_s` from now."""

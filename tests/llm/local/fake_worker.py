@@ -20,6 +20,11 @@ if way == "mute":
 if way == "dying":
     sys.stdout.write(json.dumps({"base_url": "http://127.0.0.1:9/v1"}) + "\n")
     sys.exit(1)
+if way == "lingering":
+    sys.stdout.write(json.dumps({"base_url": "http://127.0.0.1:9/v1"}) + "\n")
+    sys.stdout.flush()
+    time.sleep(2.0)
+    sys.exit(1)
 if way == "slow":
     time.sleep(60.0)
 

@@ -134,8 +134,12 @@ async def test_a_worker_that_dies_in_the_midst_of_an_answer_says_so() -> None:
     async with model() as asked:
         await asked.complete(task_request(VIEW), PATIENCE_S)
         os.kill(pid_of(asked), signal.SIGSTOP)
+        assert asked._client is not None
         call = asyncio.create_task(error_of(asked))
-        await asyncio.sleep(0.05)
+        for _ in range(10_000):
+            if asked._client.usage.requests > 1:
+                break
+            await asyncio.sleep(0.01)
         os.kill(pid_of(asked), signal.SIGKILL)
         error = await call
         assert error.kind is ErrorKind.CONNECTION
@@ -144,10 +148,19 @@ async def test_a_worker_that_dies_in_the_midst_of_an_answer_says_so() -> None:
 
 
 @pytest.mark.process
+@pytest.mark.asyncio
+async def test_a_worker_that_is_deaf_before_it_is_dead_counts_as_dead() -> None:
+    async with model("lingering", stop_timeout_s=PATIENCE_S) as asked:
+        error = await error_of(asked)
+        assert "process has ended (code 1)" in str(error)
+        assert asked.breaker.failures == 1
+
+
+@pytest.mark.process
 @pytest.mark.parametrize("way", ["mute", "dying"])
 @pytest.mark.asyncio
 async def test_a_worker_that_never_answers_is_not_started_for_ever(way: str) -> None:
-    async with model(way) as asked:
+    async with model(way, stop_timeout_s=PATIENCE_S) as asked:
         for _ in range(asked.breaker.threshold):
             assert (await error_of(asked)).kind is ErrorKind.CONNECTION
         assert (await error_of(asked)).kind is ErrorKind.CIRCUIT_OPEN
