@@ -8,6 +8,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
+from console.cards import whole
+
 Json = dict[str, Any]
 _Known = TypeVar("_Known")
 
@@ -72,11 +74,12 @@ class Ledger:
 
     def note_card(self, card: Json) -> None:
         """Take one decision card; those that did not go into force tell nothing."""
-        if card.get("status") != "adopted" or not card.get("changes"):
+        if card.get("status") != "adopted":
             return
-        changes = card["changes"]
-        who = MODEL_WORDS.get(card["source"]) or card["author"] or "an operator"
-        time_s = card["decided_s"] if card["decided_s"] is not None else card["time_s"]
+        changes = whole(card)["changes"]
+        who = MODEL_WORDS.get(card.get("source", "")) or card.get("author") or "an operator"
+        times = (card.get("decided_s"), card.get("time_s"), 0.0)
+        time_s = next(each for each in times if each is not None)
         credit = Credit(who, time_s)
         for pin in changes["pins_set"]:
             _keep(self._pins, pin["id"], credit)

@@ -22,7 +22,7 @@ class ApprovalsPanel(Panel):
     def draw(facts: Facts) -> dict[str, str]:
         """Return what waits, the most urgent first."""
         cards = facts.service.newest_decisions(facts.mission.id, CARDS_LOOKED_AT)
-        waiting = [each for each in cards if each["status"] == "pending" and each["approval"]]
+        waiting = [c for c in cards if c.get("status") == "pending" and c.get("approval")]
         waiting.sort(key=lambda each: each["approval"]["expires_s"])
         now_s = 0.0 if facts.snapshot is None else facts.snapshot["time_s"]
         more = len(waiting) - SHOWN

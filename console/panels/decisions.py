@@ -1,19 +1,19 @@
 """Decision cards: what each proposal changes, on what grounds, with what verdict and effect."""
 
-from collections.abc import Iterable, Iterator
-from itertools import islice
-from typing import Any, Final
+from collections.abc import Iterator, Sequence
+from itertools import groupby
 
 from nicegui import ui
 
 from console.board import Facts
+from console.cards import is_quiet, whole
 from console.panel import Desk, Panel
 from console.render import WEIGHT_WORDS, Json, clock, escape
 
 CARDS_LOOKED_AT = 200
 CARDS_SHOWN = 40
 QUIET_SHOWN = 20
-"""Of the cards that change nothing only the newest are worth their place."""
+"""Of the cards that change nothing only the newest are worth a place of their own."""
 
 LOOP_WORDS = {
     "task": "Task model",
@@ -44,10 +44,10 @@ class DecisionsPanel(Panel):
 
     @staticmethod
     def draw(facts: Facts) -> dict[str, str]:
-        """Return the cards worth showing by name, the newest first."""
+        """Return the cards worth showing by name, the newest first, and lines for the others."""
         mission = facts.mission.id
         cards = facts.service.newest_decisions(mission, CARDS_LOOKED_AT)
-        return {f"decision:{mission}:{c['id']}": card(c, mission) for c in worth_showing(cards)}
+        return {f"decision:{mission}:{name}": html for name, html in listing(cards, mission)}
 
     def __init__(self, desk: Desk) -> None:
         super().__init__(desk)
@@ -71,12 +71,12 @@ class DecisionsPanel(Panel):
         }
         for name in self._cards.keys() - drawn.keys():
             self._cards.pop(name).delete()
-        for name, content in reversed(drawn.items()):
+        for place, (name, content) in enumerate(drawn.items()):
             shown = self._cards.get(name)
             if shown is None:
                 with self._list:
                     shown = ui.html(content, sanitize=False)
-                shown.move(target_index=0)
+                shown.move(target_index=place)  # all before it stand in their places already
                 self._cards[name] = shown
             elif shown.content != content:
                 shown.set_content(content)
@@ -88,53 +88,39 @@ _FILTER = """
 """
 
 
-_BLANK: Final[Json] = {
-    "id": "?", "status": "", "changed": False, "changes": {}, "loop": "", "author": "",
-    "feedback": "", "refused_by": "", "reasons": [], "comments": [], "facts": [], "tries": 0,
-}  # fmt: skip
-_CHANGES: Final[Json] = {
-    "assignment": [], "weights": {}, "capacities": {}, "severities": {},
-    "pins_set": [], "pins_lifted": [], "replan": [],
-}  # fmt: skip
-_OPTIONAL: Final[dict[str, Json]] = {
-    "gate": dict.fromkeys(("mode", "judgement", "reason"), "")
-    | dict.fromkeys(("difference_m2", "horizon_s", "margin_m2")),
-    "effect": dict.fromkeys(("predicted_merit_m2", "realised_merit_m2", "from_s", "until_s"))
-    | {"overlapped_by": []},
-    "approval": {"approved": None, "by": "somebody"},
-    "verification": {"accepted": False, "violations": []},
-}
+def listing(newest_first: Sequence[Json], mission: str) -> Iterator[tuple[str, str]]:
+    """Yield name and HTML of what is listed, the newest first.
+
+    Cards in a row that change nothing are told in one line as well: who looks at changes alone
+    sees that models answer, how often and when. Each has a card of its own only while it is new.
+    """
+    seen = shown = 0
+    for quiet, run in groupby(newest_first, is_quiet):
+        cards = list(run)
+        fresh = max(0, QUIET_SHOWN - seen)
+        seen += len(cards)
+        if shown == CARDS_SHOWN:
+            return
+        if quiet:
+            # Named after the older card below it, so that it keeps its place while it grows.
+            below = newest_first[seen].get("id") if seen < len(newest_first) else "nothing"
+            yield f"above:{below}", quiet_line(cards, older=CARDS_LOOKED_AT - seen)
+            cards = cards[:fresh]
+        for each in cards[: CARDS_SHOWN - shown]:
+            shown += 1
+            yield str(each.get("id", "?")), card(each, mission)
 
 
-def worth_showing(newest_first: Iterable[Json]) -> list[Json]:
-    """Return the cards to show, newest first: those that change nothing only while they are new."""
+def quiet_line(newest_first: Sequence[Json], older: int) -> str:
+    """Return one line for cards in a row that change nothing: how many, from when to when.
 
-    def worthy() -> Iterator[Json]:
-        for number, each in enumerate(newest_first):
-            if number < QUIET_SHOWN or not is_quiet(whole(each)):
-                yield each
-
-    return list(islice(worthy(), CARDS_SHOWN))
-
-
-def whole(decision: Json) -> Json:
-    """Return a decision with every field that a card looks at; blank are those it lacks."""
-    found = {name: _known(decision, name, blank) for name, blank in _BLANK.items()}
-    found["changes"] = {n: _known(found["changes"], n, blank) for n, blank in _CHANGES.items()}
-    for name, blanks in _OPTIONAL.items():
-        part = decision.get(name)
-        found[name] = None if part is None else blanks | part
-    return decision | found
-
-
-def _known(part: Json, name: str, blank: Any) -> Any:
-    value = part.get(name)
-    return blank if value is None else value
-
-
-def is_quiet(decision: Json) -> bool:
-    """Tell whether a decision asked for nothing new, and nobody was refused anything."""
-    return bool(decision["status"] == "adopted" and not decision["changed"])
+    `older` is how many cards before them could have been looked at: with none there may be more.
+    """
+    newest, oldest = (clock(each.get("time_s")) for each in (newest_first[0], newest_first[-1]))
+    count = len(newest_first)
+    times = ("once" if count == 1 else f"{count} times") + ("" if older > 0 else " or more")
+    when = newest if count == 1 else f"{oldest} to {newest}"
+    return f'<p class="unchanging"><span>No change, {times}</span><span>{when}</span></p>'
 
 
 def state_of(decision: Json) -> tuple[str, str]:

@@ -22,7 +22,7 @@ class SupervisePanel(Panel):
         """Return the receipts."""
         comments = facts.service.comments(facts.mission.id)[-COMMENTS_SHOWN:]
         decided = {
-            card["proposal"]: card["id"]
+            card.get("proposal", ""): card["id"]
             for card in facts.service.newest_decisions(facts.mission.id, CARDS_LOOKED_AT)
         }
         return {"receipts": receipts((each.model_dump() for each in comments), decided)}

@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterable, Mapping
 
 from console.board import Facts
+from console.cards import assigned_robots
 from console.panel import Panel
 from console.panels.decisions import CARDS_LOOKED_AT
 from console.picture import robot_state
@@ -32,9 +33,9 @@ def last_decisions(newest_first: Iterable[Json]) -> dict[int, str]:
     """Return per robot the newest decision in force that was about it."""
     found: dict[int, str] = {}
     for card in newest_first:
-        if card["status"] == "adopted":
-            for row in card["changes"]["assignment"]:
-                found.setdefault(row["robot"], card["id"])
+        if card.get("status") == "adopted":
+            for robot in assigned_robots(card):
+                found.setdefault(robot, card["id"])
     return found
 
 

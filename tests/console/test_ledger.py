@@ -88,3 +88,10 @@ def test_zones_are_found_drawn_or_known_from_the_start() -> None:
     )
     assert ledger.zone("s2") == ("found by an attack on D21", 12.0)
     assert ledger.zone("h1") == ("drawn by ada", 12.0)
+
+
+def test_a_card_of_an_older_recording_tells_what_it_has() -> None:
+    ledger = Ledger()
+    ledger.take([{"id": "d1", "status": "adopted", "changes": {"capacities": {"21": [2, 3]}}}], [])
+    ledger.note_card({"id": "d2", "status": "adopted"})
+    assert ledger.capacity(21) == Credit("an operator", 0.0)

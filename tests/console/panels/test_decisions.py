@@ -142,12 +142,45 @@ def test_what_models_and_people_write_is_never_run() -> None:
         assert html.count("&lt;script&gt;") >= 5
 
 
+def listed(*cards: dict[str, Any]) -> list[tuple[str, str]]:
+    """What the list of some cards shows, the newest first: names and words."""
+    found = decisions.listing(cards, "m1")
+    return [(name, words(html).partition(" Evidence")[0]) for name, html in found]
+
+
+def quiet(number: int) -> dict[str, Any]:
+    same = replace(made(), changes=Changes())
+    return told(same) | {"id": f"d{number}", "time_s": float(number)}
+
+
+def loud(number: int) -> dict[str, Any]:
+    return told(made()) | {"id": f"d{number}"}
+
+
 def test_cards_that_change_nothing_go_first() -> None:
-    quiet = told(replace(made(), changes=Changes()))
-    loud = told(made())
-    shown = decisions.worth_showing([*[quiet] * 30, *[loud] * 50])
-    assert len(shown) == decisions.CARDS_SHOWN
-    assert [decisions.is_quiet(each) for each in shown] == [True] * 20 + [False] * 20
+    cards = [*map(quiet, range(80, 50, -1)), *map(loud, range(50, 0, -1))]
+    shown = [name for name, _ in listed(*cards) if not name.startswith("above:")]
+    assert shown == [f"d{number}" for number in (*range(80, 60, -1), *range(50, 30, -1))]
+
+
+def test_cards_in_a_row_that_change_nothing_are_told_in_one_line() -> None:
+    cards = [quiet(9), loud(8), *map(quiet, (7, 6, 5)), loud(4), loud(3), quiet(2), quiet(1)]
+    found = listed(*cards)
+    assert [(name, text) for name, text in found if name.startswith("above:")] == [
+        ("above:d8", "No change, once 0:09.0"),
+        ("above:d4", "No change, 3 times 0:05.0 to 0:07.0"),
+        ("above:nothing", "No change, 2 times 0:01.0 to 0:02.0"),
+    ]
+    assert [name for name, _ in found] == [
+        *("above:d8", "d9", "d8", "above:d4", "d7", "d6", "d5", "d4", "d3"),
+        *("above:nothing", "d2", "d1"),
+    ]
+
+
+def test_a_row_that_goes_back_beyond_what_is_looked_at_may_be_longer() -> None:
+    cards = [loud(300), *map(quiet, range(299, 300 - decisions.CARDS_LOOKED_AT, -1))]
+    assert "No change, 199 times or more 1:41.0 to 4:59.0" in dict(listed(*cards)).values()
+    assert "No change, 198 times 1:42.0 to 4:59.0" in dict(listed(*cards[:-1])).values()
 
 
 def test_what_waits_tells_its_price_and_the_time_that_is_left() -> None:
@@ -161,7 +194,7 @@ def test_what_waits_tells_its_price_and_the_time_that_is_left() -> None:
 def test_a_card_that_lacks_a_field_shows_what_is_there(missing: str | None) -> None:
     full = told(made())
     card = {name: value for name, value in full.items() if name != missing}
-    assert decisions.worth_showing([card]) == [card]
+    assert card.get("id", "?") in dict(decisions.listing([card], "m1"))
     text = words(decisions.card(card, "m1"))
     assert missing == "id" or "d7" in text
     assert missing == "changes" or "Drone 21: target 122 instead of 125." in text

@@ -1,4 +1,5 @@
 import re
+from typing import Any
 
 from console.panels import team as panel
 from tests.console.messages import message
@@ -20,9 +21,11 @@ def test_the_team_table_tells_states_targets_and_silence() -> None:
 
 def test_a_robot_names_the_newest_decision_in_force_about_it() -> None:
     rows = [{"robot": 21, "gains": [122], "loses": []}]
-    cards = [
+    cards: list[dict[str, Any]] = [
         {"id": "d9", "status": "refused", "changes": {"assignment": rows}},
         {"id": "d8", "status": "adopted", "changes": {"assignment": rows}},
         {"id": "d7", "status": "adopted", "changes": {"assignment": rows}},
+        {"id": "d6", "status": "adopted"},  # an older recording's
+        {"id": "d5"},
     ]
     assert panel.last_decisions(cards) == {21: "d8"}
