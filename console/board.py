@@ -6,6 +6,7 @@ every page only copies from here what has changed. What is looked at may be some
 """
 
 import asyncio
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -19,16 +20,25 @@ from console.scene import Scene
 from console.viewers import Viewers
 from console.workshop import Workshop
 from server.api.errors import ServiceError
-from server.api.models import MissionInfo
+from server.api.models import Clock, MissionInfo
 from server.api.service import MissionService
+from server.encoding import MissionState
 
 log = structlog.get_logger(__name__)
+
+SCENE, FOLLOWING = "scene", "following"
+"""Names among what is broken, beside those of panels."""
+
+SCENE_FAULT = "The scene cannot be drawn: what it shows is old. The panels are not."
 
 LOOK_S = 0.3
 """How often to look for another mission."""
 
 PANEL_S = 0.25
 """How often panels change at most."""
+
+TICKING = frozenset({MissionState.RUNNING, MissionState.HELD})
+"""States in which a mission in real time tells something at every tick."""
 
 CARDS_READ = 1000
 EVENTS_READ = 5000
@@ -55,6 +65,12 @@ class Facts:
 
     ledger: Ledger = field(default_factory=Ledger)
     """Who asked for what stands now."""
+
+    silent_s: float = 0.0
+    """How old the newest word of a mission is that should speak at every tick."""
+
+    scene_fault: str = ""
+    """Why the scene is not what it should show, in a sentence; "" while it is."""
 
 
 Draw = Callable[[Facts], dict[str, str]]
@@ -125,14 +141,21 @@ class Board:
             await asyncio.to_thread(scene.close)
 
     async def _follow(self) -> None:
+        """Follow what matters for ever: whatever is wrong with one picture, another comes."""
         while True:
-            mission = self._choose()
-            if mission is None:
+            try:
+                mission = self._choose()
+                if mission is not None:
+                    await self._watch(mission)
+                    continue
                 self.looking.steer(None)
                 self._show_nothing()
-                await asyncio.sleep(LOOK_S)
-            else:
-                await self._watch(mission)
+            except ServiceError as error:  # it was removed a moment ago
+                log.info("a mission can no longer be followed", why=error.message)
+            except Exception:
+                if self._breaks(FOLLOWING):
+                    log.exception("the console has stumbled, and goes on")
+            await asyncio.sleep(LOOK_S)
 
     def _choose(self) -> MissionInfo | None:
         """Return the live mission, else the newest one."""
@@ -166,6 +189,7 @@ class Board:
                     self._take(message)
                 else:
                     self.ledger.note_event(message)
+                self._broken.discard(FOLLOWING)
                 self._render()
 
     async def _recall(self, mission: MissionInfo) -> None:
@@ -186,19 +210,27 @@ class Board:
 
     def _show(self, picture: Json) -> None:
         """Draw a picture in the scene, if anybody watches it."""
-        if self.scene is None:
-            return
-        self.scene.note(picture)
-        self._shown = self.scene.watched
-        if self._shown:
-            self.scene.draw(picture)
+        if self.scene is not None:
+            self._shown = self.scene.watched
+            self._paint(self.scene, picture)
 
     def _show_again(self) -> None:
         """Draw the picture for somebody who came after it."""
         if not self._shown and self.scene is not None and self.picture is not None:
             self._shown = self.scene.watched
+            self._paint(self.scene, self.picture)
+
+    def _paint(self, scene: Scene, picture: Json) -> None:
+        """Let the scene show a picture; a fault in it must not take the panels from sight."""
+        try:
+            scene.note(picture)
             if self._shown:
-                self.scene.draw(self.picture)
+                scene.draw(picture)
+        except Exception:
+            if self._breaks(SCENE):
+                log.exception("the scene cannot be drawn")
+        else:
+            self._broken.discard(SCENE)
 
     def _show_nothing(self) -> None:
         self.mission, self.snapshot = None, None
@@ -224,6 +256,8 @@ class Board:
             workshop=self.workshop,
             service=self.service,
             ledger=self.ledger,
+            silent_s=silence_s(self.mission, self.snapshot),
+            scene_fault=SCENE_FAULT if SCENE in self._broken else "",
         )
         panels = self._standing()
         for draw in self.draws:
@@ -235,17 +269,33 @@ class Board:
         try:
             pieces = draw()
         except Exception:
-            if name not in self._broken:
+            if self._breaks(name):
                 log.exception("a panel cannot be drawn", panel=name)
-            self._broken.add(name)
             return {}
         self._broken.discard(name)
         return pieces
+
+    def _breaks(self, name: str) -> bool:
+        """Take note that something is broken; tell whether that is new, and worth a log entry."""
+        new = name not in self._broken
+        self._broken.add(name)
+        return new
 
     def _put(self, panels: dict[str, str]) -> None:
         if panels != self.panels:
             self.panels = panels
             self.version += 1
+
+
+def silence_s(mission: MissionInfo, snapshot: Json | None) -> float:
+    """Return how long ago the newest picture was made of a mission that makes one every tick.
+
+    0 for all others. Pictures carry the monotonic clock of this machine (seconds).
+    """
+    made_s = None if snapshot is None else snapshot.get("stamp_s")
+    if made_s is None or mission.clock is not Clock.REALTIME or mission.state not in TICKING:
+        return 0.0
+    return max(0.0, time.monotonic() - float(made_s))
 
 
 def _report(task: asyncio.Task[None]) -> None:

@@ -9,6 +9,9 @@ LOOPS = (("optimizer", "Optimizer"), ("task_llm", "Task model"), ("action_llm", 
 STALE_PERIODS = 3.0
 """A loop whose last success is older than so many of its periods wants to be looked at."""
 
+SILENT_S = 2.0
+"""A planner speaks ten times a second; one that is silent for longer hangs, or is cut off."""
+
 PERIODS_S = {"optimizer": 0.1, "task_llm": 20.0, "action_llm": 5.0}
 GOOD_SUCCESS = 0.8
 
@@ -29,7 +32,7 @@ class MissionPanel(Panel):
         """Return the mission's line and its clock."""
         pieces = {"mission": mission_line(facts.mission)}
         if facts.snapshot is not None:
-            pieces["clock"] = clock(facts.snapshot["time_s"])
+            pieces["clock"] = mission_clock(facts.snapshot, facts.silent_s)
         return pieces
 
     def build(self) -> None:
@@ -44,7 +47,9 @@ class LampsPanel(Panel):
     @staticmethod
     def draw(facts: Facts) -> dict[str, str]:
         """Return the lamps."""
-        return {} if facts.snapshot is None else {"lamps": lamps(facts.snapshot)}
+        if facts.snapshot is None:
+            return {}
+        return {"lamps": lamps(facts.snapshot, facts.silent_s)}
 
     def build(self) -> None:
         """Show them."""
@@ -73,6 +78,14 @@ def mission_line(mission: MissionInfo) -> str:
     )
 
 
+def mission_clock(snapshot: Json, silent_s: float) -> str:
+    """Return mission time; it is marked where nobody knows whether it goes on."""
+    time = clock(snapshot["time_s"])
+    if silent_s <= SILENT_S:
+        return time
+    return f'<span class="stale" title="Nothing was heard since">{time}</span>'
+
+
 def loop_level(name: str, loop: Json) -> str:
     """Return ok, warn or alarm for one loop's lamp; idle before its first call."""
     if not loop["calls"]:
@@ -85,8 +98,14 @@ def loop_level(name: str, loop: Json) -> str:
     return "warn" if low else "ok"
 
 
-def lamps(snapshot: Json) -> str:
-    """Return the three loop lamps: rate or age, and success."""
+def lamps(snapshot: Json, silent_s: float = 0.0) -> str:
+    """Return the three loop lamps: rate or age, and success.
+
+    From a planner that has been silent for `silent_s` seconds nothing is known of any loop; what
+    it said last must not pass for how it is.
+    """
+    if silent_s > SILENT_S:
+        return _silent_lamps(snapshot, silent_s)
     parts = []
     for name, title in LOOPS:
         loop = snapshot["loops"].get(name)
@@ -108,6 +127,21 @@ def lamps(snapshot: Json) -> str:
         parts.append(
             f'<div class="lamp {level}" title="{escape(hint)}">'
             f'<i aria-label="{words}"></i><b>{title}</b><span>{figure}{share}</span></div>'
+        )
+    return "".join(parts)
+
+
+def _silent_lamps(snapshot: Json, silent_s: float) -> str:
+    parts = []
+    for name, title in LOOPS:
+        if name not in snapshot["loops"]:
+            continue
+        level, figure = "idle", "not known"
+        if name == "optimizer":
+            level, figure = "alarm", f"silent for {silent_s:.0f} s"
+        parts.append(
+            f'<div class="lamp {level}" title="{title}: the planner says nothing; vehicles hold by'
+            f' themselves"><i aria-label="silent"></i><b>{title}</b><span>{figure}</span></div>'
         )
     return "".join(parts)
 

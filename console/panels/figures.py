@@ -19,13 +19,13 @@ class FiguresPanel(Panel):
 
 
 class AbsencePanel(Panel):
-    """Why the scene is empty, where it is."""
+    """Why the scene is empty, or not what it should show, where it is so."""
 
     @staticmethod
     def draw(facts: Facts) -> dict[str, str]:
-        """Return the reason; nothing while there is a picture."""
+        """Return the reason; nothing while there is a picture, and it is drawn."""
         missing = facts.picture is None
-        words = facts.service.hindsight.absence(facts.mission.id) if missing else ""
+        words = facts.service.hindsight.absence(facts.mission.id) if missing else facts.scene_fault
         return {"absence": f"<p>{escape(words)}</p>" if words else ""}
 
     def build(self) -> None:

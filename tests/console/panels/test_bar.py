@@ -1,3 +1,4 @@
+import re
 from typing import Any
 
 import pytest
@@ -43,3 +44,11 @@ def test_lamps_name_all_three_loops() -> None:
     assert words(bar.lamps(message())) == (
         "Optimizer 10.0 Hz · 100 % Task model 10 s ago · 100 % Action model 0 s ago · 80 %"
     )
+
+
+def test_a_silent_planner_has_no_lamp_that_passes_for_well() -> None:
+    told = bar.lamps(message(), 7.2)
+    assert words(told) == ("Optimizer silent for 7 s Task model not known Action model not known")
+    assert re.findall('class="lamp (\\w+)"', told) == ["alarm", "idle", "idle"]
+    assert "stale" in bar.mission_clock(message(), 7.2)
+    assert bar.mission_clock(message(), 0.3) == words(bar.mission_clock(message(), 7.2)) == "0:30.0"
