@@ -59,9 +59,7 @@ class Signs:
                 places,
                 batched_scales=sizes,
                 batched_colors=linear(wanted),
-                batched_opacities=None
-                if opacities is None
-                else np.asarray(opacities, dtype=np.float32),
+                batched_opacities=veils,
                 opacity=None if self._opacity >= 1.0 else self._opacity,
                 lod="off",
                 side="double",

@@ -123,14 +123,6 @@ class Looking:
         if was_away and (newest := self.newest()) is not None:
             self.show(newest)
 
-    def present(self) -> None:
-        """Look at the present, or the end, of the mission that is looked at."""
-        if self._chosen is None:
-            self.live()
-        elif self.at_s is not None:
-            self.at_s = None
-            self._follow(self._chosen)
-
     def steer(self, mission: MissionInfo | None) -> None:
         """Take note of the mission that is steered; a new one is looked at, at once."""
         if mission is not None and (self.steered is None or mission.id != self.steered.id):

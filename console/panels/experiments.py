@@ -7,6 +7,7 @@ from pydantic import TypeAdapter
 
 from console.board import Board
 from console.panel import Panel
+from console.panels.parts import choice
 from console.render import escape
 from server.api.experiment_models import ExperimentRequest
 from server.api.identity import Role
@@ -36,7 +37,6 @@ MODELS = frozenset({"exact", "none"})
 """Profiles that are none."""
 
 _REQUEST: TypeAdapter[Any] = TypeAdapter(ExperimentRequest)
-_VALUE = "(event) => emit(event.target.value)"
 
 
 class ExperimentsPanel(Panel):
@@ -52,7 +52,7 @@ class ExperimentsPanel(Panel):
     def build(self) -> None:
         """Show the list, the tables of the one that was chosen, and the form for admins."""
         self._shown = ""
-        self._chosen = {"kind": "ablation", "llm": "mock", "seeds": "5"}
+        self._chosen: dict[str, str] = {}
         role = " admin" if self.desk.may(Role.ADMIN) else ""
         with ui.element("section").classes(f"library experiments{role}"):
             ui.html("<h3>Experiments</h3>", sanitize=False)
@@ -64,29 +64,15 @@ class ExperimentsPanel(Panel):
     def _form(self) -> None:
         profiles = [p.name for p in self.desk.board.service.profiles() if p.name not in MODELS]
         with ui.element("div").classes("form"):
-            self._select("Kind", list(KINDS), "kind")
-            self._select("Model", profiles, "llm")
-            self._select("Seeds", ["1", "5", "10", "20", "50"], "seeds", "5")
+            self._choice("Kind", list(KINDS), "kind")
+            self._choice("Model", profiles, "llm")
+            self._choice("Seeds", ["1", "5", "10", "20", "50"], "seeds", "5")
             ui.button("Begin", on_click=self._begin, color=None).props(
                 "unelevated no-caps"
             ).classes("go")
 
-    def _select(self, title: str, options: list[str], key: str, first: str = "") -> None:
-        with ui.element("label").classes("choice"):
-            ui.html(f"<span>{title}</span>", sanitize=False, tag="span")
-            select = ui.element("select").classes("field")
-            with select:
-                for option in options:
-                    chosen = " selected" if option == first else ""
-                    ui.html(escape(option), sanitize=False, tag="option").props(
-                        f'value="{option}"{chosen}'
-                    )
-
-            def choose(event: Any) -> None:
-                if event.args in options:
-                    self._chosen[key] = event.args
-
-            select.on("change", choose, js_handler=_VALUE)
+    def _choice(self, title: str, options: list[str], key: str, first: str = "") -> None:
+        choice(title, options, lambda chosen: self._chosen.update({key: chosen}), first)
 
     async def _begin(self) -> None:
         kind = self._chosen["kind"]

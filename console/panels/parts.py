@@ -1,15 +1,17 @@
 """What the panels that steer have in common: small fields and buttons, and one way to act."""
 
-from collections.abc import Awaitable, Callable
-from typing import TypeVar
+from collections.abc import Awaitable, Callable, Sequence
+from typing import Any, Final, TypeVar
 
 from nicegui import ui
 from nicegui.events import ClickEventArguments, Handler
 
 from console.panel import Desk
+from console.render import escape
 from console.steering import Steering
 
 _Done = TypeVar("_Done")
+_VALUE: Final = "(event) => emit(event.target.value)"
 
 
 async def in_person(desk: Desk, act: Callable[[Steering], Awaitable[_Done]]) -> _Done | None:
@@ -42,3 +44,28 @@ def small_button(
     for name, value in data.items():
         button.props[f"data-{name}"] = value
     return button.classes("small-button")
+
+
+def choice(
+    title: str, options: Sequence[str], choose: Callable[[str], None], first: str = ""
+) -> None:
+    """Make a list of options; `choose` is told which one it shows, now and when that changes.
+
+    It shows the first one, or the one that is named as `first`.
+    """
+    shown = first or options[0]
+    with ui.element("label").classes("choice"):
+        ui.html(f"<span>{title}</span>", sanitize=False, tag="span")
+        select = ui.element("select").classes("field")
+        with select:
+            for option in options:
+                item = ui.html(escape(option), sanitize=False, tag="option")
+                item.props["value"] = option
+                item.props["selected"] = option == shown
+
+    def chosen(event: Any) -> None:
+        if event.args in options:
+            choose(event.args)
+
+    select.on("change", chosen, js_handler=_VALUE)
+    choose(shown)

@@ -7,7 +7,7 @@ from typing import Any
 from nicegui import ui
 from nicegui.events import GenericEventArguments
 
-from console.board import Facts
+from console.board import Board, Facts
 from console.course import Cursor, added, cursor_of, whole
 from console.panel import Panel
 from console.render import clock, escape
@@ -153,7 +153,7 @@ def go_live(panel: Panel) -> None:
         panel.desk.tell("You may look; the picture is everybody's, and moved by an operator.")
 
 
-def scrubber(board: Any) -> Json:
+def scrubber(board: Board) -> Json:
     """Return where the cursor stands, as the browser's script wants it."""
     looking = board.looking
     picture = board.picture
@@ -164,16 +164,21 @@ def scrubber(board: Any) -> Json:
                 "replay": True}  # fmt: skip
     if looking.at_s is None:
         until_s = max(until_s, math.floor(time_s))
-    kept_s = None
-    if looking.mission is not None:
-        kept_s = board.service.hindsight.kept_from_s(looking.mission.id)
     return {
         "until": until_s,
         "at": looking.at_s,
-        "kept": kept_s,
+        "kept": None if looking.mission is None else _kept_from_s(board, looking.mission.id),
         "away": looking.away,
         "replay": False,
     }
+
+
+def _kept_from_s(board: Board, mission_id: str) -> float | None:
+    """Return from when on pictures are at hand; None also for a mission removed a moment ago."""
+    try:
+        return board.service.hindsight.kept_from_s(mission_id)
+    except ServiceError:
+        return None
 
 
 def banner(facts: Facts) -> str:

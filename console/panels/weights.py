@@ -13,6 +13,8 @@ from console.render import WEIGHT_WORDS
 from console.steering import Steering, refusal
 
 Json = dict[str, Any]
+Tried = dict[str, float | None]
+"""Weights by name; None for a field that holds no number."""
 
 
 @dataclass(slots=True)
@@ -45,7 +47,7 @@ class WeightsPanel(Panel):
     def __init__(self, desk: Desk) -> None:
         super().__init__(desk)
         self._rows: dict[str, _Row] = {}
-        self._tried: dict[str, float | None] = {}
+        self._tried: Tried = {}
         """What this person has changed and not yet put in force."""
 
     def build(self) -> None:
@@ -161,11 +163,16 @@ class WeightsPanel(Panel):
             return await hand.weigh(picture["directives"]["weights"] | tried)
 
         if await said(self.desk, weighed):
-            self._tried.clear()
+            self._tried = changed_since(self._tried, tried)
 
     def _discard(self) -> None:
         self._tried.clear()
         self._follow()
+
+
+def changed_since(tried: Tried, put: Tried) -> Tried:
+    """Return what is still only tried after some of it was put in force: what changed meanwhile."""
+    return {name: value for name, value in tried.items() if name not in put or put[name] != value}
 
 
 def _say(label: ui.label, words: str) -> None:

@@ -8,6 +8,7 @@ from pydantic import TypeAdapter
 
 from console.board import Facts
 from console.panel import Panel
+from console.panels.parts import choice
 from console.render import clock, escape
 from console.workshop import Change, WhatIf
 from server.api.identity import Role
@@ -22,7 +23,6 @@ FIGURES = (
 )
 AS_FLOWN = "as flown"
 _TEXT: TypeAdapter[str] = TypeAdapter(CommentText)
-_VALUE = "(event) => emit(event.target.value)"
 
 
 class WhatIfPanel(Panel):
@@ -37,8 +37,7 @@ class WhatIfPanel(Panel):
 
     def build(self) -> None:
         """Show the form for those who may ask, and the outcomes for all."""
-        self._gate = AS_FLOWN
-        self._llm = "mock"
+        self._gate = self._llm = ""
         with ui.element("section").classes("library whatif"):
             ui.html("<h3>What if</h3>", sanitize=False)
             self.html("whatif_from", "from")
@@ -48,32 +47,23 @@ class WhatIfPanel(Panel):
 
     def _form(self) -> None:
         profiles = [profile.name for profile in self.desk.board.service.profiles()]
-        self._llm = profiles[0]
         with ui.element("div").classes("form"):
             self._text = (
                 ui.input(placeholder="Another comment (may stay empty)")
                 .props('borderless dense aria-label="Comment of the fork"')
                 .classes("field wide")
             )
-            self._select("Model", profiles, "_llm")
-            self._select("Gate", [AS_FLOWN, *(mode.value for mode in GateMode)], "_gate")
+            choice("Model", profiles, self._choose_llm)
+            choice("Gate", [AS_FLOWN, *(mode.value for mode in GateMode)], self._choose_gate)
             ui.button("Fly on from there", on_click=self._ask, color=None).props(
                 "unelevated no-caps"
             ).classes("go")
 
-    def _select(self, title: str, options: list[str], name: str) -> None:
-        with ui.element("label").classes("choice"):
-            ui.html(f"<span>{title}</span>", sanitize=False, tag="span")
-            select = ui.element("select").classes("field")
-            with select:
-                for option in options:
-                    ui.html(escape(option), sanitize=False, tag="option").props(f'value="{option}"')
+    def _choose_llm(self, llm: str) -> None:
+        self._llm = llm
 
-            def chosen(event: Any) -> None:
-                if event.args in options:
-                    setattr(self, name, event.args)
-
-            select.on("change", chosen, js_handler=_VALUE)
+    def _choose_gate(self, gate: str) -> None:
+        self._gate = gate
 
     async def _ask(self) -> None:
         board = self.desk.board

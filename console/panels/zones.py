@@ -27,6 +27,9 @@ class _Row:
     held: bool = False
     """Whether somebody here is moving the slider."""
 
+    left_at: float | None = None
+    """Where they let go of it: news of that place may come after the news that they did."""
+
 
 class ZonesPanel(Panel):
     """One browser's list of the known zones."""
@@ -111,6 +114,7 @@ class ZonesPanel(Panel):
 
     async def _weigh(self, row: _Row, zone_id: str, severity: Any) -> None:
         if isinstance(severity, int | float):
+            row.left_at = severity
             await said(self.desk, lambda hand: hand.weigh_zone(zone_id, round(severity, 2)))
         row.held = False
 
@@ -136,8 +140,9 @@ class ZonesPanel(Panel):
 
 
 def _hold(row: _Row, severity: Any) -> None:
-    row.held = True
-    if isinstance(severity, int | float):
+    """Let a slider be while it is moved; where it was left it follows the mission again."""
+    if isinstance(severity, int | float) and severity != row.left_at:
+        row.held, row.left_at = True, None
         row.severity.set_text(f"{severity:.1f}")
 
 

@@ -1,13 +1,15 @@
 """The banner and the controls of the timeline, drawn without a browser."""
 
+from types import SimpleNamespace
 from typing import Any, cast
 
 import pytest
 
 from console.board import Facts
 from console.looking import Looking
-from console.panels.timeline import banner, controls, what
+from console.panels.timeline import banner, controls, scrubber, what
 from console.workshop import Workshop
+from server.api.errors import ServiceError
 from server.api.models import Clock, MissionInfo
 from server.api.service import MissionService
 from server.encoding import MissionState
@@ -73,3 +75,17 @@ def test_names_are_never_run() -> None:
     evil = mission(1, scenario=EVIL, state=MissionState.RUNNING)
     for html in (what(facts(evil)), banner(facts(FLYING, evil, at_s=1.0, by=EVIL))):
         assert "<script>" not in html
+
+
+def test_of_a_mission_removed_a_moment_ago_nothing_is_kept() -> None:
+    def kept_from_s(mission_id: str) -> float:
+        raise ServiceError("mission_unknown", f"There is no mission {mission_id}.", 404)
+
+    seen = facts(FLYING)
+    hindsight = SimpleNamespace(kept_from_s=kept_from_s)
+    board: Any = SimpleNamespace(
+        looking=seen.looking, picture=seen.picture, service=SimpleNamespace(hindsight=hindsight)
+    )
+    assert scrubber(board) == {
+        "until": 30, "at": None, "kept": None, "away": False, "replay": False
+    }  # fmt: skip
