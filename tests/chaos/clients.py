@@ -36,7 +36,7 @@ class Commenter:
     findings: Findings
     dice: random.Random
     acknowledged: dict[str, str] = field(default_factory=dict)
-    """Text by id."""
+    """Text by id, the first one where an id was given out again: that comment is lost."""
 
     refused: list[str] = field(default_factory=list)
     """Codes of the errors that came back instead."""
@@ -53,7 +53,7 @@ class Commenter:
         text = f"{self.dice.choice(SENTENCES)} Note {len(self.acknowledged)}."
         answer = await http.post("/missions/m1/comments", json={"text": text})
         if answer.status_code == HTTPStatus.CREATED:
-            self.acknowledged[answer.json()["id"]] = text
+            self.acknowledged.setdefault(answer.json()["id"], text)
         elif answer.headers.get("content-type", "").startswith("application/json"):
             self.refused.append(answer.json()["error"]["code"])
 

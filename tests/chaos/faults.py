@@ -23,6 +23,7 @@ from tests.chaos.processes import killed, lives, planner_of, stopped
 from tests.chaos.schedule import Strike
 from tests.chaos.team import ADMIN, ROBOTS, Team, bearer
 from tests.chaos.watch import Invariant
+from tests.faults.clock import set_clock
 from tests.faults.links import until
 from tests.patience import HOLD_S, busy
 
@@ -305,11 +306,11 @@ async def _journal_back(team: Team) -> None:
 async def jump_clock(team: Team, strike: Strike) -> str:
     """Let the server's wall clock jump, and jump back."""
     since_s = monotonic()
-    team.clock_file.write_text(str(strike.offset_s))
+    set_clock(team.clock_file, strike.offset_s)
     try:
         return (await team.ear.until(alarmed("clock"), since_s, "clock jumped")).text
     finally:
-        team.clock_file.write_text("0.0")
+        set_clock(team.clock_file, 0.0)
 
 
 # ---------------------------------------------------------------------- flood of requests

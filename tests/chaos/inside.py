@@ -8,10 +8,11 @@ A program of its own, because a small disk is seen by the processes of its own n
     lock       lock it, say so, and keep the lock until standard input ends
     tidy       move what waits beside a SQLite file into it, so that the next commit needs room
     edit       change one entry
-    drop       remove the comment of an id
+    drop       remove the comment of an id, from the checkpoints as well
 """
 
 import asyncio
+import hashlib
 import json
 import sqlite3
 import sys
@@ -49,11 +50,12 @@ async def lock(address: str) -> str:
 
 
 async def tidy(address: str) -> str:
-    """Move what waits."""
-    connection = _opened(address)
-    (busy, *_) = connection.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()
+    """Move what waits, as soon as nobody reads it."""
+    connection, busy = _opened(address), 1
+    while busy:
+        (busy, *_) = connection.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()
     connection.close()
-    return "busy" if busy else "tidy"
+    return "tidy"
 
 
 async def edit(address: str) -> str:
@@ -67,14 +69,30 @@ async def edit(address: str) -> str:
 
 
 async def drop(address: str, comment: str) -> str:
-    """Remove a comment, as somebody does who has the file."""
+    """Remove a comment, as somebody does who has the file.
+
+    The server knows what was said from its checkpoints as well: left in there it were not lost.
+    """
     connection = _opened(address)
     connection.execute("DROP TRIGGER journal_no_delete")
     query = "DELETE FROM journal WHERE kind = ? AND json_extract(body, '$.id') = ?"
     gone = connection.execute(query, (COMMENT, comment)).rowcount
+    for mission, body in connection.execute("SELECT mission, body FROM checkpoints").fetchall():
+        bare = without(json.loads(body), comment)
+        digest = hashlib.sha256(bare.encode()).hexdigest()
+        change = "UPDATE checkpoints SET body = ?, digest = ? WHERE mission = ?"
+        connection.execute(change, (bare, digest, mission))
     connection.close()
     assert gone == 1, f"{gone} comments have the id {comment}"
     return comment
+
+
+def without(checkpoint: dict[str, Any], comment: str) -> str:
+    """Return a checkpoint, as it is kept, without a comment."""
+    core = json.loads(checkpoint["core"])
+    for part in ("standing", "closed"):
+        core[part] = [receipt for receipt in core[part] if receipt["comment"]["id"] != comment]
+    return json.dumps(checkpoint | {"core": json.dumps(core)})
 
 
 ACTS: dict[str, Callable[..., Coroutine[Any, Any, str]]] = {

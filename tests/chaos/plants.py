@@ -10,6 +10,7 @@ import os
 import re
 import signal
 from collections.abc import Awaitable, Callable, Mapping
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -26,7 +27,9 @@ from tests.patience import HOLD_S, busy
 from vehicles import messages as wire
 from vehicles.keys import Topic
 
-GHOST_S = 1.5
+CATCH_S = 10.0
+"""Within so long, on an idle machine, whoever watches has noticed."""
+
 PERIOD_S = 0.1
 MEETING_S = 30.0
 SUPPRESSED_S = 10.0
@@ -88,9 +91,22 @@ class Ghost:
         await asyncio.sleep(PERIOD_S)
 
 
+def seen(made: Team, invariant: Invariant) -> bool:
+    """Tell whether the invariant was seen broken."""
+    return bool(made.findings.of(invariant))
+
+
+async def until_seen(made: Team, invariant: Invariant) -> None:
+    """Wait until an invariant is seen broken, or for as long as that may take here."""
+    with suppress(AssertionError):
+        await until(lambda: seen(made, invariant), CATCH_S * busy())
+
+
 async def too_fast(made: Team) -> None:
     """A stranger sends a robot faster than it may fly."""
-    await Ghost(made, "fast").fly({25: (0.9, 0.0)})
+    ghost, until_s = Ghost(made, "fast"), monotonic() + CATCH_S * busy()
+    while monotonic() < until_s and not seen(made, Invariant.LIMITS):
+        await ghost.fly({25: (0.9, 0.0)})
 
 
 async def dead_planner_speaks(made: Team) -> None:
@@ -98,7 +114,8 @@ async def dead_planner_speaks(made: Team) -> None:
     since_s = await killed(made.planner)
     ghost = Ghost(made, "ghost")
     with made.watch.silence(ROBOTS, since_s, dead=True):
-        while monotonic() < since_s + GHOST_S:
+        until_s = since_s + CATCH_S * busy()
+        while monotonic() < until_s and not seen(made, Invariant.DEAD):
             await ghost.fly(dict.fromkeys(ROBOTS, (0.0, 0.0)))
 
 
@@ -112,7 +129,8 @@ async def no_hold(made: Team) -> None:
     since_s = await stopped(pid)
     try:
         with made.watch.silence((APART,), since_s, dead=False):
-            await asyncio.sleep(HOLD_S + 1.0 + busy())
+            await asyncio.sleep(HOLD_S)
+            await until_seen(made, Invariant.HOLD)
     finally:
         os.kill(pid, signal.SIGCONT)
     del made.extra[APART]
@@ -126,7 +144,7 @@ async def collision(made: Team) -> None:
     await stopped(pid)
     try:
         until_s = monotonic() + MEETING_S * busy()
-        while monotonic() < until_s and not made.findings.of(Invariant.SEPARATION):
+        while monotonic() < until_s and not seen(made, Invariant.SEPARATION):
             one, other = (made.watch.states[robot].position for robot in (23, 24))
             apart_m = max(math.dist(one, other), 0.01)
             east, north = ((b - a) / apart_m * 0.5 for a, b in zip(one, other, strict=True))
@@ -142,9 +160,8 @@ async def mad_directive(made: Team) -> None:
         return WEIGHT.sub(lambda m: m[1] + b"-9".ljust(len(m[2])), data)
 
     made.door.forge = forge
-    seen = made.ear.snapshots
     try:
-        await made.until_gone(lambda: made.ear.snapshots > seen + 5, "snapshots")
+        await until_seen(made, Invariant.BOUNDS)
     finally:
         made.door.forge = bytes
 
@@ -209,6 +226,7 @@ async def plant(made: Team, invariant: Invariant) -> Caught:
     bug = PLANTS[invariant]
     made.findings.forget()
     await bug(made)
+    await until_seen(made, invariant)  # it may still be on its way to who looks
     violations = made.findings.of(invariant)
     planted = (bug.__doc__ or "").strip()
     await made.until_flying()

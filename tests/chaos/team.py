@@ -26,6 +26,7 @@ from tests.chaos.ear import Ear
 from tests.chaos.journals import Database, Lite, served
 from tests.chaos.processes import planner_of
 from tests.chaos.watch import Findings, Watch
+from tests.faults.clock import set_clock
 from tests.faults.links import BusLink, MavlinkLink, until
 from tests.patience import busy
 from vehicles import messages as wire
@@ -313,7 +314,7 @@ async def _made(stack: AsyncExitStack, folder: Path, seed: int, database: str) -
     kept: Database = Lite(disk) if database == "sqlite" else await served()
     stack.push_async_callback(kept.close)
     clock = folder / "clock"
-    clock.write_text("0.0")
+    set_clock(clock, 0.0)
     autopilots = {
         robot.id: Autopilot(
             robot.id,

@@ -3,13 +3,21 @@
 `make chaos` does the same for longer, with every kind of fault and several seeds.
 """
 
+import json
 from collections.abc import AsyncIterator
+from dataclasses import replace
 from itertools import islice
 from time import monotonic
 
 import pytest
 import pytest_asyncio
 
+from server.mission.checkpoint import checkpoint_text, read_checkpoint
+from server.mission.core import MissionCore
+from server.scenarios import library
+from solver.observations import Comment
+from solver.snapshot import CommentReceipt
+from tests.chaos.inside import without
 from tests.chaos.plants import PLANTS, plant
 from tests.chaos.repertoire import FAULTS
 from tests.chaos.run import Outcome, examine, struck
@@ -60,6 +68,19 @@ class TestFlying:
 
 def test_a_bug_is_planted_for_every_invariant() -> None:
     assert set(PLANTS) == set(Invariant)
+
+
+def test_a_dropped_comment_is_in_no_checkpoint_any_more() -> None:
+    kept = MissionCore(library.load("ablation").mission_setup()).checkpoint()
+    one, other, third = (
+        CommentReceipt(Comment(f"c{number}", "Track more boldly.", 0.0, 120.0))
+        for number in (1, 2, 3)
+    )
+    kept = replace(kept, standing=(one, other), closed=(third,))
+    bare = json.loads(without({"core": checkpoint_text(kept), "time_s": 0.0}, "c2"))
+    assert read_checkpoint(bare["core"]) == replace(kept, standing=(one,))
+    bare = json.loads(without({"core": checkpoint_text(kept)}, "c3"))
+    assert read_checkpoint(bare["core"]) == replace(kept, closed=())
 
 
 def test_every_kind_of_fault_can_be_done() -> None:

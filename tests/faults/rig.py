@@ -19,6 +19,7 @@ from server.live.job import PlannerJob, dump_job
 from server.live.outbox import Frame
 from server.scenarios import library
 from server.scenarios.schema import Scenario
+from tests.faults.clock import set_clock
 from tests.faults.links import BusLink, MavlinkLink, until
 from tests.patience import PATIENCE_S, busy
 from vehicles import messages as wire
@@ -309,7 +310,7 @@ async def team(folder: Path) -> AsyncIterator[Team]:
     key, clock = folder / "key", folder / "clock"
     key.write_bytes(bytes(range(32)))
     key.chmod(0o600)
-    clock.write_text("0.0")
+    set_clock(clock, 0.0)
     environment = {
         "PYTHONPATH": f"{HERE / 'fakeclock'}{os.pathsep}{ROOT}",
         "WALL_CLOCK_OFFSET_FILE": str(clock),

@@ -17,6 +17,7 @@ from time import monotonic
 import pytest
 import pytest_asyncio
 
+from tests.faults.clock import set_clock
 from tests.faults.commands import falconer, memory_kib, python
 from tests.faults.links import until
 from tests.faults.rig import (
@@ -251,19 +252,18 @@ async def test_one_of_two_links_lost(made: Team) -> None:
 @pytest.mark.parametrize("offset_s", [3600.0, -3600.0])
 async def test_a_wall_clock_that_jumps_an_hour(made: Team, offset_s: float) -> None:
     began_s, ticks = monotonic(), made.planner.ticks[0]
-    made.clock_file.write_text(str(offset_s))
+    set_clock(made.clock_file, offset_s)
     try:
         code, words = await python("import time; print(time.time())", made.environment)
         shown_s = float(words)
         assert code == 0
-        await asyncio.sleep(3.0)
+        await until(lambda: made.planner.ticks[0] - ticks >= 30, PATIENCE_S, "the planner's ticks")
     finally:
-        made.clock_file.write_text("0.0")
+        set_clock(made.clock_file, 0.0)
     _, words = await python("import time; print(time.time())", made.environment)
     jump_s = shown_s - float(words)
     assert jump_s == pytest.approx(offset_s, abs=60.0), "the clock did jump"
     await made.still_flying()
-    assert made.planner.ticks[0] - ticks >= 15 / busy()
     for robot_id in FLYING:
         for code_ in ("link_lost", "refused"):
             assert made.witness.notices(robot_id, code_, began_s) == []
