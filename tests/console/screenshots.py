@@ -7,7 +7,6 @@ and exits with 1 when there were any.
 """
 
 import argparse
-import subprocess
 import sys
 from pathlib import Path
 
@@ -16,6 +15,7 @@ from playwright.sync_api import Playwright, sync_playwright
 
 from tests.console.flow import TIMEOUT_MS, Walk, listen
 from tests.console.looks import ARGUMENTS, CUT, OVERLAPS, faint_texts
+from tests.console.visits import staged
 
 SIZES = ((1440, 900), (1920, 1080))
 SCHEMES = ("dark", "light")
@@ -25,25 +25,16 @@ def walk(
     playwright: Playwright, folder: Path, size: tuple[int, int], scheme: str, browser: str | None
 ) -> list[str]:
     """Walk the way once on a stage of its own; return what was wrong."""
-    process = subprocess.Popen(
-        [sys.executable, "-m", "tests.console.stage", "--closed", "--confirm"],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-    )
-    assert process.stdin is not None
-    assert process.stdout is not None
-    port, link = process.stdout.readline().split()
-    address, found, axe = f"http://127.0.0.1:{port}", [], Axe()
-    try:
+    found, axe = [], Axe()
+    with staged("--closed", "--confirm") as stage:
         launched = playwright.chromium.launch(executable_path=browser, args=ARGUMENTS)
         page = launched.new_page(
             viewport={"width": size[0], "height": size[1]},
             color_scheme="light" if scheme == "light" else "dark",
         )
         page.set_default_timeout(TIMEOUT_MS)
-        trouble = listen(page, address)
-        for number, step in enumerate(Walk(page, address + link).steps(), start=1):
+        trouble = listen(page, stage.address)
+        for number, step in enumerate(Walk(page, stage.address + stage.link).steps(), start=1):
             name = f"{size[0]}-{scheme}-{number:02d}-{step}"
             page.screenshot(path=folder / f"{name}.png")
             sys.stdout.write(f"{name}\n")
@@ -52,10 +43,6 @@ def walk(
             found += [f"{name}: faint: {each}" for each in faint_texts(page, axe)]
         found += [f"{size[0]}-{scheme}: {each}" for each in trouble]
         launched.close()
-    finally:
-        process.stdin.close()
-        process.wait(20)
-        process.stdout.close()
     return found
 
 

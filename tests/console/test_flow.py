@@ -1,15 +1,12 @@
 """A new operator's whole way through the console, in a real headless Chromium."""
 
-import subprocess
-import sys
-from pathlib import Path
-
 import pytest
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Page, sync_playwright
 
 from tests.console.flow import TIMEOUT_MS, Walk, listen
 from tests.console.looks import ARGUMENTS, OVERLAPS, faint_texts
+from tests.console.visits import staged
 
 pytestmark = [pytest.mark.browser, pytest.mark.process, pytest.mark.timeout(600)]
 
@@ -26,36 +23,20 @@ def faint_in_both(page: Page, axe: Axe) -> list[str]:
     return found
 
 
-def test_a_new_operator_finds_the_whole_way(root: Path, chromium: str | None) -> None:
-    process = subprocess.Popen(
-        [sys.executable, "-m", "tests.console.stage", "--closed", "--confirm"],
-        cwd=root,
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-    )
-    assert process.stdin is not None
-    assert process.stdout is not None
-    port, link = process.stdout.readline().split()
-    address = f"http://127.0.0.1:{port}"
+def test_a_new_operator_finds_the_whole_way(chromium: str | None) -> None:
     axe, done = Axe(), []
-    try:
-        with sync_playwright() as playwright:
-            browser = playwright.chromium.launch(executable_path=chromium, args=ARGUMENTS)
-            page = browser.new_page(viewport={"width": 1440, "height": 900}, color_scheme="dark")
-            page.set_default_timeout(TIMEOUT_MS)
-            trouble = listen(page, address)
-            for step in Walk(page, address + link).steps():
-                done.append(step)
-                if step == "approve":  # drawn by software the scene takes all there is
-                    page.evaluate("document.getElementById('scene').style.display = 'none'")
-                assert page.evaluate(OVERLAPS) == [], step
-                if step in READ:
-                    assert faint_in_both(page, axe) == [], step
-            assert trouble == []
-            browser.close()
-    finally:
-        process.stdin.close()
-        process.wait(20)
-        process.stdout.close()
+    with staged("--closed", "--confirm") as stage, sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=chromium, args=ARGUMENTS)
+        page = browser.new_page(viewport={"width": 1440, "height": 900}, color_scheme="dark")
+        page.set_default_timeout(TIMEOUT_MS)
+        trouble = listen(page, stage.address)
+        for step in Walk(page, stage.address + stage.link).steps():
+            done.append(step)
+            if step == "approve":  # drawn by software the scene takes all there is
+                page.evaluate("document.getElementById('scene').style.display = 'none'")
+            assert page.evaluate(OVERLAPS) == [], step
+            if step in READ:
+                assert faint_in_both(page, axe) == [], step
+        assert trouble == []
+        browser.close()
     assert set(done) > READ

@@ -1,10 +1,6 @@
 """The way into the console, in a real browser: the one-time link, the login page, both roles."""
 
-import subprocess
-import sys
 from collections.abc import Iterator
-from dataclasses import dataclass
-from pathlib import Path
 
 import httpx
 import pytest
@@ -15,36 +11,17 @@ from websockets.typing import Origin
 
 from tests.console.flow import TIMEOUT_MS
 from tests.console.stage import VIEWER
+from tests.console.visits import Staged, staged
 
 pytestmark = [pytest.mark.browser, pytest.mark.process]
 
 ARGUMENTS = ["--no-sandbox", "--disable-gpu", "--disable-background-networking"]
 
 
-@dataclass
-class Closed:
-    """A console that one has to log in to."""
-
-    address: str
-    link: str
-
-
 @pytest.fixture(scope="module")
-def console(root: Path) -> Iterator[Closed]:
-    process = subprocess.Popen(
-        [sys.executable, "-m", "tests.console.stage", "--closed"],
-        cwd=root,
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-    )
-    assert process.stdin is not None
-    assert process.stdout is not None
-    port, link = process.stdout.readline().split()
-    yield Closed(f"http://127.0.0.1:{port}", link)
-    process.stdin.close()
-    process.wait(20)
-    process.stdout.close()
+def console() -> Iterator[Staged]:
+    with staged("--closed") as stage:
+        yield stage
 
 
 @pytest.fixture
@@ -57,7 +34,7 @@ def context(chromium: str | None) -> Iterator[BrowserContext]:
         browser.close()
 
 
-def state(console: Closed) -> str:
+def state(console: Staged) -> str:
     headers = {"authorization": f"Bearer {VIEWER.get_secret_value()}"}
     answer = httpx.get(f"{console.address}/api/v1/missions/m1", headers=headers)
     found: str = answer.json()["state"]
@@ -65,7 +42,7 @@ def state(console: Closed) -> str:
 
 
 def test_the_link_logs_in_once_and_the_console_steers(
-    console: Closed, context: BrowserContext
+    console: Staged, context: BrowserContext
 ) -> None:
     page = context.new_page()
     page.goto(console.address + console.link, timeout=TIMEOUT_MS)
@@ -85,7 +62,7 @@ def test_the_link_logs_in_once_and_the_console_steers(
 
 
 def test_a_viewer_logs_in_by_the_page_and_only_looks(
-    console: Closed, context: BrowserContext
+    console: Staged, context: BrowserContext
 ) -> None:
     page = context.new_page()
     page.goto(console.address, timeout=TIMEOUT_MS)
@@ -112,7 +89,7 @@ def test_a_viewer_logs_in_by_the_page_and_only_looks(
 @pytest.mark.parametrize(
     "path", ["/scene", "/scene/", "/_nicegui_ws/socket.io/?EIO=4&transport=websocket"]
 )
-def test_a_socket_of_the_console_needs_a_login(console: Closed, path: str) -> None:
+def test_a_socket_of_the_console_needs_a_login(console: Staged, path: str) -> None:
     url = console.address.replace("http", "ws") + path
     with pytest.raises(InvalidStatus) as refused:
         connect(url, origin=Origin(console.address))
@@ -120,5 +97,5 @@ def test_a_socket_of_the_console_needs_a_login(console: Closed, path: str) -> No
 
 
 @pytest.mark.parametrize("path", ["/", "/scene/", "/console/console.js"])
-def test_a_page_of_the_console_needs_a_login(console: Closed, path: str) -> None:
+def test_a_page_of_the_console_needs_a_login(console: Staged, path: str) -> None:
     assert httpx.get(console.address + path).status_code == 401

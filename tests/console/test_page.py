@@ -1,99 +1,40 @@
 """The console in a real headless Chromium, over a scripted mission."""
 
 import re
-import subprocess
-import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Any, Literal
+import time
+from collections.abc import Callable
+from typing import Any
 
 import httpx
 import pytest
-from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_playwright
+from playwright.sync_api import Browser, Page, expect
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 from websockets.typing import Origin
 
-from tests.console.flow import FOCUS, MANY_COLOURS, TIMEOUT_MS, listen
-from tests.console.looks import ARGUMENTS, OVERLAPS
+from tests.console.flow import FOCUS, MANY_COLOURS, TIMEOUT_MS
+from tests.console.looks import OVERLAPS
+from tests.console.visits import Visit, requests, shown, visit, window
+from tests.patience import PATIENCE_S
 
 pytestmark = [pytest.mark.browser, pytest.mark.process]
-
 
 TAKES_CLICKS = """
 () => document.getElementById("scene").contentWindow.__viserPointer?.hasSceneClickFilter()
 """
 
 
-@pytest.fixture(scope="module")
-def address(root: Path) -> Iterator[str]:
-    """The address of a console that shows a scripted mission."""
-    process = subprocess.Popen(
-        [sys.executable, "-m", "tests.console.stage"],
-        cwd=root,
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-    )
-    assert process.stdin is not None
-    assert process.stdout is not None
-    port = process.stdout.readline().strip()
-    assert port, "the console did not start; its log says why"
-    yield f"http://127.0.0.1:{port}"
-    process.stdin.close()
-    process.wait(20)
-    process.stdout.close()
-
-
-@pytest.fixture(scope="module")
-def browser(chromium: str | None) -> Iterator[Browser]:
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=chromium, args=ARGUMENTS)
-        yield browser
-        browser.close()
-
-
-@dataclass
-class Visit:
-    """One browser window on the console, and what went wrong in it."""
-
-    page: Page
-    trouble: list[str]
-
-
-def visit(context: BrowserContext, address: str, scene: Literal["drawn", "blank"]) -> Visit:
-    """Open the console. Software rendering takes seconds: only tests of the scene draw it."""
-    page = context.new_page()
-    if scene == "blank":
-        page.route("**/scene/*/", lambda route: route.fulfill(body="", content_type="text/html"))
-    page.set_default_timeout(TIMEOUT_MS)
-    found = Visit(page, listen(page, address))
-    page.goto(address)
-    expect(page.locator(".team tbody tr")).to_have_count(4, timeout=TIMEOUT_MS)
+def snapshot(address: str) -> dict[str, Any]:
+    found: dict[str, Any] = httpx.get(f"{address}/api/v1/missions/m1/snapshot").json()
     return found
 
 
-@contextmanager
-def window(browser: Browser, address: str, scene: Literal["drawn", "blank"]) -> Iterator[Visit]:
-    """A browser window of its own on the console; the mission flies again afterwards."""
-    context = browser.new_context(viewport={"width": 1440, "height": 900}, color_scheme="dark")
-    try:
-        yield visit(context, address, scene)
-    finally:
-        context.close()
-        httpx.post(f"{address}/api/v1/missions/m1/resume")
-
-
-@pytest.fixture
-def console(browser: Browser, address: str) -> Iterator[Visit]:
-    with window(browser, address, "blank") as visited:
-        yield visited
-
-
-def shown(visited: Visit, selector: str, words: str) -> None:
-    expect(visited.page.locator(selector).first).to_contain_text(words, timeout=TIMEOUT_MS)
+def page_until(page: Page, condition: Callable[[], bool]) -> None:
+    """Wait for what comes with the next snapshot; the page goes on meanwhile."""
+    until_s = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < until_s, "did not happen"
+        page.wait_for_timeout(20)
 
 
 def test_a_comment_is_answered_and_the_assignment_follows(console: Visit) -> None:
@@ -131,9 +72,11 @@ def test_mission_time_goes_on_and_the_lamps_are_lit(console: Visit) -> None:
 
 def test_the_hold_button_holds_and_typing_a_space_does_not(console: Visit) -> None:
     page = console.page
+    asked = requests(page, "hold")
     page.fill(".comment-box", "first")
     page.type(".comment-box", " and second")
     expect(page.locator(".comment-box")).to_have_value("first and second")
+    assert asked == []
     shown(console, ".mission .chip", "running")
     page.click("[data-steer=hold]")
     shown(console, ".mission .chip", "held")
@@ -206,13 +149,11 @@ def test_weights_are_tried_here_and_put_in_force_as_one(console: Visit, address:
     page.click("[data-weights=apply]")
     expect(page.locator("[data-weights=apply]")).to_be_disabled(timeout=TIMEOUT_MS)
     shown(console, "[data-weight=tracking] .weight-history", "operator, ")
-    snapshot = httpx.get(f"{address}/api/v1/missions/m1/snapshot").json()
-    assert snapshot["directives"]["weights"]["tracking"] == 40.0
+    page_until(page, lambda: snapshot(address)["directives"]["weights"]["tracking"] == 40.0)
 
 
 def zones(address: str) -> dict[str, dict[str, Any]]:
-    snapshot = httpx.get(f"{address}/api/v1/missions/m1/snapshot").json()
-    return {zone["id"]: zone for zone in snapshot["zones"]}
+    return {zone["id"]: zone for zone in snapshot(address)["zones"]}
 
 
 def test_a_zone_is_drawn_on_the_scene_erased_and_brought_back(
@@ -248,6 +189,7 @@ def test_a_zone_is_drawn_on_the_scene_erased_and_brought_back(
         page.locator(".draw-kind").get_by_text("communication").click()
         page.click("[data-draw=confirm]")
         shown(visited, "#notice", "is drawn")
+        page_until(page, lambda: len(zones(address)) > len(before))
         (name,) = zones(address).keys() - before.keys()
         assert zones(address)[name]["kind"] == "communication"
         assert zones(address)[name]["mean"][0] == pytest.approx(east)
@@ -257,7 +199,7 @@ def test_a_zone_is_drawn_on_the_scene_erased_and_brought_back(
         expect(page.locator(f"[data-zone={name}]")).to_have_count(0, timeout=TIMEOUT_MS)
         page.click("[data-zones=undo]")
         shown(visited, "#notice", "is back as")
-        assert len(zones(address)) == len(before) + 1
+        page_until(page, lambda: len(zones(address)) == len(before) + 1)
         assert visited.trouble == []
 
 

@@ -1,0 +1,42 @@
+"""The list of decisions in a real headless Chromium."""
+
+from typing import Any
+
+import httpx
+import pytest
+from playwright.sync_api import expect
+
+from tests.console.visits import Visit, shown
+
+pytestmark = [pytest.mark.browser, pytest.mark.process]
+
+
+def decide(address: str, *kinds: str) -> None:
+    """Let somebody decide something: `pin` changes something, `none` nothing."""
+    asked: dict[str, tuple[str, dict[str, Any]]] = {
+        "pin": ("pins/keep", {"robot": 21, "target": 124}),
+        "none": ("capacities", {"capacities": {"21": 2}}),
+    }
+    for kind in kinds:
+        path, body = asked[kind]
+        httpx.put(f"{address}/api/v1/missions/m1/{path}", json=body).raise_for_status()
+
+
+def test_what_changed_nothing_is_one_line_between_what_did(console: Visit, address: str) -> None:
+    page = console.page
+    decide(address, "pin", "none", "none", "none", "pin", "none")
+    page.keyboard.press("2")
+    lines = page.locator(".decisions .unchanging")
+    expect(lines).to_have_count(2)
+    shown(console, ".decisions .unchanging", "No change, once")
+    listed = page.locator(".decisions > div:visible")
+    expect(listed).to_have_count(4)
+    for place, words in enumerate(("once", "pinned", "3 times", "pinned")):
+        expect(listed.nth(place)).to_contain_text(words)
+    decide(address, "none")
+    shown(console, ".decisions .unchanging", "No change, 2 times")
+    expect(listed).to_have_count(4)
+    page.get_by_role("button", name="All", exact=True).click()
+    expect(listed).to_have_count(7)
+    expect(lines.first).to_be_hidden()
+    assert console.trouble == []
