@@ -2,10 +2,14 @@
 // by button or key, also while the scene has the focus.
 "use strict";
 
+const SLOW_MS = 1500; // an answer that takes longer is told of
+const TYPING_MS = 1500; // who has typed so lately may still believe to be in the box
+
 const falconer = {
   mission: "",
   state: "",
   noticeTimer: 0,
+  typedMs: -Infinity,
   keys: {},
   builders: [],
   built: new WeakSet(),
@@ -33,6 +37,9 @@ const falconer = {
 
   async steer(op) {
     if (!this.mission) return;
+    const name = op === "hold" ? "Hold" : "Resume";
+    const slow = setTimeout(
+      () => this.tell(`${name} is on its way: the server has not answered yet.`), SLOW_MS);
     try {
       const path = `/api/v1/missions/${encodeURIComponent(this.mission)}/${op}`;
       const answer = await fetch(path, { method: "POST", headers: this.proof() });
@@ -40,8 +47,10 @@ const falconer = {
       if (answer.ok) this.show(body.id, body.state);
       else this.tell(body.error.message);
     } catch {
-      this.tell(`${op === "hold" ? "Hold" : "Resume"} did not reach the server. Vehicles hold by ` +
-        "themselves when the planner is gone.");
+      this.tell(`${name} did not reach the server. Vehicles hold by themselves when the planner ` +
+        "is gone.");
+    } finally {
+      clearTimeout(slow);
     }
   },
 
@@ -130,11 +139,14 @@ const falconer = {
   },
 
   onKey(event) {
-    // A number takes no space and a slider no letter: Space holds there, too.
+    // A number and a list take no space, and a slider no letter: Space holds there, too.
     const typing = event.target.closest?.(
-      "input:not([type=number], [type=range]), textarea, select, [contenteditable=true]",
+      "input:not([type=number], [type=range]), textarea, [contenteditable=true]",
     );
-    const number = event.target.closest?.("input[type=number]");
+    const number = event.target.closest?.("input[type=number], select");
+    const key = (event.key ?? "").toLowerCase(); // Caps Lock takes no key away
+    const amidTyping = this.typedLately();
+    if (typing || (amidTyping && key !== "r")) this.typedMs = performance.now();
     if (event.key === "Escape") this.escape();
     if (number && event.key === "Escape") number.blur();
     if (number && event.code !== "Space") return;
@@ -142,14 +154,25 @@ const falconer = {
     if (typing && event.key === "Escape") typing.blur();
     if (typing && event.key === "Enter" && !event.shiftKey) setTimeout(() => typing.blur());
     if (typing || event.ctrlKey || event.metaKey || event.altKey) return;
-    if (event.code === "Space") this.steer("hold");
-    else if (event.key === "r") this.steer("resume");
-    else if (event.key === "/") this.comment();
-    else if (/^[1-9]$/.test(event.key)) this.openAside(Number(event.key) - 1);
-    else if (this.keys[event.key]) this.keys[event.key]();
+    if (event.code === "Space") this.once(event, "hold");
+    else if (key === "r" && amidTyping) this.tell("R came amid typing: wait a moment, press it again.");
+    else if (key === "r") this.once(event, "resume");
+    else if (key === "/") this.comment();
+    else if (/^[1-9]$/.test(key)) this.openAside(Number(key) - 1);
+    else if (this.keys[key]) this.keys[key]();
     else return;
     event.preventDefault();
     event.stopPropagation();
+  },
+
+  // Enter leaves the box. Who has not noticed and types on must not set vehicles moving by it.
+  typedLately() {
+    return performance.now() - this.typedMs < TYPING_MS;
+  },
+
+  // A key that is kept down is one word.
+  once(event, op) {
+    if (!event.repeat) this.steer(op);
   },
 
   // Whatever is begun and not yet done offers a way out of it.
@@ -203,6 +226,8 @@ addEventListener("click", (event) => {
 // A control that is drawn anew while it is pressed gets no click from the browser.
 addEventListener("pointerdown", (event) => {
   falconer.pressed = event.target.closest?.("[data-tap]") ?? null;
+  // Whoever presses elsewhere has left what had the focus: it must not come back under Enter.
+  falconer.focused = falconer.pressed?.dataset.tap ?? "";
 }, true);
 addEventListener("pointerup", (event) => {
   const { pressed } = falconer;

@@ -105,6 +105,7 @@ class Walk:
         self._shown(".mission .chip", "held")
 
     def _resume(self) -> None:
+        self.page.wait_for_function("!falconer.typedLately()")
         self.page.keyboard.press("r")
         self._shown(".mission .chip", "running")
 
