@@ -31,6 +31,7 @@ import httpx
 import yaml
 
 from benchmarks.fleet import FALCONER, Autopilot, Fleet, FleetError, Running, free_port, world
+from benchmarks.report import verdict
 from llm.mock.behaviours import Mode
 from server.cli.progress import progress_bar
 from server.recording.errors import RecordingError
@@ -323,11 +324,7 @@ def main() -> int:
         figures = asyncio.run(measure(Path(folder), given.seconds))
         if given.keep is not None:
             shutil.copy(figures["recording"], given.keep)
-    print(json.dumps(figures, indent=2))
-    found = broken(figures)
-    for words in found:
-        print(f"BROKEN: {words}", file=sys.stderr)
-    return 1 if found else 0
+    return verdict(figures, broken(figures))
 
 
 if __name__ == "__main__":

@@ -1,12 +1,14 @@
-"""Rows of measurements as a table, as JSON, and as a picture."""
+"""Measurements as a table, as JSON, as a picture, and what they break."""
 
 import json
 import os
 import platform
-from collections.abc import Sequence
+import sys
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -112,6 +114,14 @@ def write_json(path: Path, rows: Sequence[Row]) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     document = {"machine": machine(), "rows": [asdict(row) for row in rows]}
     path.write_text(json.dumps(document, indent=1) + "\n")
+
+
+def verdict(figures: Mapping[str, Any], broken: Sequence[str]) -> int:
+    """Print figures as JSON and what they break, in words; return the program's exit code."""
+    print(json.dumps(figures, indent=2))
+    for words in broken:
+        print(f"BROKEN: {words}", file=sys.stderr)
+    return 1 if broken else 0
 
 
 def draw(path: Path, rows: Sequence[Row]) -> None:

@@ -10,13 +10,13 @@ figures as JSON; exit 1 when a promise of the safety table is broken.
 
 import argparse
 import asyncio
-import json
 import os
 import shlex
 import sys
 
 from benchmarks.field.measure import Plan, broken, measure
 from benchmarks.field.sites import Separation, namespace_maker
+from benchmarks.report import verdict
 
 _INSIDE = "inside"
 
@@ -60,10 +60,7 @@ def main(arguments: list[str]) -> int:
     figures = asyncio.run(measure(plan, separation))
     found = broken(figures)
     load = round(os.getloadavg()[0], 1)
-    print(json.dumps({"figures": figures.as_dict(), "broken": found, "load": load}, indent=2))
-    for words in found:
-        print(f"BROKEN: {words}", file=sys.stderr)
-    return 1 if found else 0
+    return verdict({"figures": figures.as_dict(), "broken": found, "load": load}, found)
 
 
 def _move(maker: tuple[str, ...], arguments: list[str]) -> None:

@@ -15,7 +15,7 @@ from contextlib import AsyncExitStack, asynccontextmanager
 from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
-from tempfile import mkdtemp
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import httpx
@@ -121,6 +121,7 @@ async def field_of(separation: Separation, seed: int) -> AsyncIterator[Field]:
     weather, port, mock_port = Weather(), free_port(), free_port()
     lay = _namespaces if separation is Separation.NAMESPACES else _loopback
     async with AsyncExitStack() as stack:
+        folder = stack.enter_context(TemporaryDirectory(prefix="falconer-field-"))
         fleet = await stack.enter_async_context(Fleet())
         ground = await lay(stack, fleet, weather, seed)
         http = httpx.AsyncClient(
@@ -161,7 +162,7 @@ async def field_of(separation: Separation, seed: int) -> AsyncIterator[Field]:
                     "FALCONER_ZENOH_CONNECT": ground.here,
                     "FALCONER_LLM_BASE_URL": model,
                     "FALCONER_OPERATOR_TOKEN": TOKEN,
-                    "FALCONER_DATABASE_URL": f"sqlite:///{mkdtemp()}/journal.db",
+                    "FALCONER_DATABASE_URL": f"sqlite:///{folder}/journal.db",
                 },
             ),
         )

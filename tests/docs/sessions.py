@@ -17,6 +17,7 @@ import time
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from benchmarks.fleet import free_port
 from tests.docs.blocks import Block
 from tests.docs.rules import (
     KEPT,
@@ -56,7 +57,7 @@ class Running:
         flies = re.match(r"falconer (run|serve) [a-z]", self.statement)
         sign = "mission started" if flies else UP
         until = time.monotonic() + LIMIT_S * busy()
-        while sign not in (said := self.log.read_text("utf-8")):
+        while sign not in (said := self.log.read_text("utf-8", "replace")):
             if self.process.poll() is not None or time.monotonic() > until:
                 self.process.kill()
                 raise BlockError(f"{self.statement} did not come up:\n{said}")
@@ -70,17 +71,28 @@ class Running:
         except subprocess.TimeoutExpired:
             self.process.kill()
             raise BlockError(f"{self.statement} does not end") from None
-        said = self.log.read_text("utf-8")
+        said = self.log.read_text("utf-8", "replace")
         if code not in (0, 130) or "Traceback" in said:
             raise BlockError(f"{self.statement} ended with {code}:\n{said}")
 
 
 @dataclass
 class Memory:
-    """What has been run already, for all pages: a command without files is run once."""
+    """What all pages share: a command without files is run once, and no port is given twice."""
 
     lock: threading.Lock = field(default_factory=threading.Lock)
     done: set[str] = field(default_factory=set)
+    ports: set[int] = field(default_factory=set)
+    """Those that were given away: pages run side by side, and use theirs later."""
+
+    def free_port(self, kind: socket.SocketKind) -> int:
+        """Return a port that nobody uses, another one each time."""
+        with self.lock:
+            taken = len(self.ports)
+            while len(self.ports) == taken:
+                port = free_port(kind)
+                self.ports.add(port)
+            return port
 
     def remembers(self, statement: str) -> bool:
         """Tell whether a statement that leaves nothing behind has been run; note that it is."""
@@ -203,9 +215,7 @@ class Session:
     def _port(self, usual: str) -> str:
         if usual not in self.ports:
             kind = socket.SOCK_DGRAM if usual.startswith("145") else socket.SOCK_STREAM
-            with socket.socket(socket.AF_INET, kind) as free:
-                free.bind(("127.0.0.1", 0))
-                self.ports[usual] = str(free.getsockname()[1])
+            self.ports[usual] = str(self.memory.free_port(kind))
         return self.ports[usual]
 
     def _environment(self, statement: str) -> dict[str, str]:
