@@ -13,6 +13,8 @@ SILENT_S = 2.0
 """A planner speaks ten times a second; one that is silent for longer hangs, or is cut off."""
 
 PERIODS_S = {"optimizer": 0.1, "task_llm": 20.0, "action_llm": 5.0}
+"""Between two calls, where the loop does not say that it takes longer."""
+
 GOOD_SUCCESS = 0.8
 
 GUIDANCE_WORDS = {
@@ -90,7 +92,8 @@ def loop_level(name: str, loop: Json) -> str:
     """Return ok, warn or alarm for one loop's lamp; idle before its first call."""
     if not loop["calls"]:
         return "idle"
-    period_s = PERIODS_S[name]
+    # A scenario may let a model rest for longer, and a slow model rests as long as it takes.
+    period_s = max(PERIODS_S[name], 1.0 / loop["rate_hz"] if loop["rate_hz"] else 0.0)
     age_s = loop["age_s"]
     if age_s is None or age_s > STALE_PERIODS * max(period_s, 1.0):
         return "alarm"
