@@ -76,7 +76,8 @@ class Desk:
         """Do something with the mission shown, in this person's name.
 
         `do` gets the service, the mission's id and the author. What is refused, by role, by
-        the service or as a value, is told here in words; then the answer is None.
+        the service or as a value, is told here in words, and so is that it failed; then the
+        answer is None.
         """
         mission = self.board.mission
         if not self.may(role):
@@ -91,6 +92,9 @@ class Desk:
             self.tell(error.message)
         except ValidationError as error:
             self.tell(_words(error))
+        except Exception:  # whoever pressed something must not believe that it was done
+            log.exception("what was asked in the console has failed", author=self.identity.name)
+            self.tell("That failed, and may not have been done: look before you ask again.")
         return None
 
     def taps(self, element: Element, handle: Callable[[str], Awaitable[None] | None]) -> None:

@@ -76,9 +76,9 @@ class ViewPanel(Panel):
     # ------------------------------------------------------------------ camera
 
     def _fit(self) -> None:
-        scene, snapshot = self.desk.board.scene, self.desk.board.snapshot
-        if scene is not None and snapshot is not None:
-            scene.fit(self.desk.view, snapshot)
+        scene, picture = self.desk.board.scene, self.desk.board.picture
+        if scene is not None and picture is not None:
+            scene.fit(self.desk.view, picture)
         self._follow.classes(remove="chosen")
 
     def _turn_follow(self) -> None:

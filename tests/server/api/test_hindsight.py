@@ -163,3 +163,16 @@ async def test_a_recorded_mission_shows_its_end_after_a_restart(folder: Path) ->
         assert snapshot["time_s"] == 19.5
         assert snapshot["mission"] == "m1"
         assert stage.service.hindsight.kept_from_s("m1") == 0.0
+
+
+@pytest.mark.asyncio
+async def test_a_recording_that_is_gone_meanwhile_is_told_of(folder: Path, tmp_path: Path) -> None:
+    stage = Stage()
+    async with client_of(stage.app(), stage) as client:
+        await stage.service.create(REQUEST, "operator")
+        (record,) = stage.service.records()
+        record.recording = Path(shutil.copy(folder / "flight.mcap", tmp_path / "gone.mcap"))
+        assert (await client.get(f"{API}/missions/m1/snapshot?at_s=7")).status_code == 200
+        record.recording.unlink()
+        answer = await client.get(f"{API}/missions/m1/snapshot?at_s=8")
+        assert "gone.mcap cannot be read" in refused(answer, 409, "not_kept")["message"]
