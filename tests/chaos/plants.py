@@ -17,7 +17,7 @@ from tempfile import TemporaryDirectory
 from time import monotonic
 from typing import Any
 
-from tests.chaos.ear import Unreported, linked
+from tests.chaos.ear import Unreported, alarmed, linked
 from tests.chaos.journals import asked, doctor
 from tests.chaos.processes import killed, lives, stopped
 from tests.chaos.team import APART, ROBOTS, Team, team
@@ -111,12 +111,14 @@ async def too_fast(made: Team) -> None:
 
 async def dead_planner_speaks(made: Team) -> None:
     """Setpoints and heartbeats go on after the planner was killed."""
+    asked_s, ghost = monotonic(), Ghost(made, "ghost")
     since_s = await killed(made.planner)
-    ghost = Ghost(made, "ghost")
     with made.watch.silence(ROBOTS, since_s, dead=True):
         until_s = since_s + CATCH_S * busy()
         while monotonic() < until_s and not seen(made, Invariant.DEAD):
             await ghost.fly(dict.fromkeys(ROBOTS, (0.0, 0.0)))
+    # Until then the mission passes for one that flies.
+    await made.ear.until(alarmed("planner"), asked_s, "planner killed")
 
 
 async def no_hold(made: Team) -> None:

@@ -42,7 +42,7 @@ async def test_what_was_not_done_is_told(
     monkeypatch.setattr(Desk, "tell", lambda _, said: told.append(said))
     board: Any = SimpleNamespace(service=None, mission=SimpleNamespace(id="m1"))
 
-    async def do(service: object, mission: str, author: str) -> None:
+    async def do(service: object, mission: str, author: str) -> str:
         raise error
 
     assert await Desk(board, Identity("ada", Role.OPERATOR)).act(do) is None
