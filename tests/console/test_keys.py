@@ -52,7 +52,9 @@ def test_a_key_that_is_kept_down_is_one_word(console: Visit) -> None:
 def test_space_holds_from_a_list_of_options_and_opens_none(console: Visit) -> None:
     page = console.page
     page.keyboard.press("5")
-    options = page.locator("#aside-page-4 select").first
+    options = page.get_by_label("Seeds")
+    expect(options).to_have_value("5")  # the one of several that is named
+    expect(page.get_by_label("Kind")).to_have_value("ablation")  # else the first
     options.focus()
     page.keyboard.press("Space")
     shown(console, ".mission .chip", "held")
