@@ -226,8 +226,6 @@ addEventListener("click", (event) => {
 // A control that is drawn anew while it is pressed gets no click from the browser.
 addEventListener("pointerdown", (event) => {
   falconer.pressed = event.target.closest?.("[data-tap]") ?? null;
-  // Whoever presses elsewhere has left what had the focus: it must not come back under Enter.
-  falconer.focused = falconer.pressed?.dataset.tap ?? "";
 }, true);
 addEventListener("pointerup", (event) => {
   const { pressed } = falconer;

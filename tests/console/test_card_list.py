@@ -36,7 +36,7 @@ def test_what_changed_nothing_is_one_line_between_what_did(console: Visit, addre
     decide(address, "none")
     shown(console, ".decisions .unchanging", "No change, 2 times")
     expect(listed).to_have_count(4)
-    page.get_by_role("button", name="All", exact=True).click()
+    page.click("[data-filter=all]")
     expect(listed).to_have_count(7)
     expect(lines.first).to_be_hidden()
     assert console.trouble == []

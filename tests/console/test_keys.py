@@ -64,19 +64,8 @@ def test_space_holds_from_a_list_of_options_and_opens_none(console: Visit) -> No
 
 def test_a_server_that_does_not_answer_is_told_of(console: Visit) -> None:
     page, waiting = console.page, list[Route]()
-    page.route("**/hold", waiting.append)
+    page.route("**/hold", lambda route: waiting.append(route))
     page.keyboard.press("Space")
     shown(console, "#notice", "Hold is on its way: the server has not answered yet.")
     waiting[0].continue_()
     shown(console, ".mission .chip", "held")
-
-
-def test_the_focus_does_not_come_back_to_what_was_left(console: Visit) -> None:
-    """Else the next Enter would press it."""
-    page = console.page
-    page.locator("[data-tap='pair:34:123']").focus()
-    page.locator(".team-card h2").click()
-    clock = page.locator(".clock")
-    for _ in range(3):  # everything is drawn anew
-        expect(clock).not_to_have_text(clock.inner_text(), timeout=TIMEOUT_MS)
-    assert page.evaluate("document.activeElement === document.body")
