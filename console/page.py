@@ -71,6 +71,12 @@ PANELS: Final[tuple[type[Panel], ...]] = (
 
 STATIC: Final = Path(__file__).parent / "static"
 REFRESH_S: Final = 0.25
+NOTICED_S: Final = 10.0
+"""A connection that is gone is noticed by either side within so long, and somewhat more."""
+
+KEPT_S: Final = 60.0
+"""A page whose browser is gone is kept for so long: what was typed there outlasts a short outage
+of the network, or a machine that is busy."""
 
 SCENE = """
 <iframe id="scene" src="/scene/{view}/" title="The team in three dimensions"></iframe>
@@ -111,7 +117,7 @@ def mount(app: FastAPI, service: MissionService) -> None:
     nicegui_app.on_startup(board.start)
     nicegui_app.on_shutdown(board.stop)
 
-    @ui.page("/", title="Falconer")
+    @ui.page("/", title="Falconer", reconnect_timeout=KEPT_S)
     def console_page(request: Request) -> None:
         identity = identity_of(request)
         page = Page(Desk(board, identity, board.viewers.enter(identity)))
@@ -123,7 +129,7 @@ def mount(app: FastAPI, service: MissionService) -> None:
         title="Falconer",
         tailwind=False,
         show_welcome_message=False,
-        reconnect_timeout=10.0,
+        reconnect_timeout=NOTICED_S,
     )
 
 

@@ -21,14 +21,15 @@ from benchmarks.crowd.clients import (
     stalled_stream,
 )
 from benchmarks.crowd.server import HEADERS, MISSION, Cost, Server, flying
+from console.page import KEPT_S
 
 P99_S: Final = 0.150
 GROWTH: Final = 0.03
 """Of the web process's memory, from a quarter of the time to its end: more is not flat."""
 
 LOOK_S: Final = 1.0
-LEAVE_S: Final = 20.0
-"""NiceGUI keeps a page for ten seconds after its browser has gone."""
+LEAVE_S: Final = KEPT_S + 10.0
+"""A page is kept for a while after its browser has gone."""
 
 APART_S: Final = 0.02
 """Between two clients' arrivals."""

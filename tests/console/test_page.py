@@ -1,8 +1,11 @@
 """The console in a real headless Chromium, over a scripted mission."""
 
 import re
+import subprocess
+import sys
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import httpx
@@ -275,3 +278,33 @@ def test_a_foreign_name_gets_no_page(address: str, path: str) -> None:
     answer = httpx.get(address + path)
     assert answer.status_code == 200
     assert "frame-ancestors 'self'" in answer.headers["content-security-policy"]
+
+
+PAGE = """
+import asyncio
+from nicegui import core
+from nicegui.client import Client
+from console.page import mount
+from tests.server.api.serving import OpenDoor, Stage, served
+from server.api.app import create_app
+from server.settings import Settings
+import httpx
+
+async def main():
+    app = create_app(Settings(), Stage().service, mount, OpenDoor())
+    async with served(app) as address, httpx.AsyncClient() as browser:
+        (await browser.get(f"http://{address}/")).raise_for_status()
+        (client,) = Client.instances.values()
+        print(client.page.resolve_reconnect_timeout(), core.app.config.reconnect_timeout)
+
+asyncio.run(main())
+"""
+
+
+def test_what_is_typed_outlasts_an_outage_that_is_soon_noticed(root: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", PAGE], cwd=root, capture_output=True, text=True, check=True
+    )
+    kept_s, noticed_s = map(float, done.stdout.split())
+    assert kept_s >= 60.0
+    assert noticed_s <= 10.0
