@@ -18,10 +18,9 @@ HEAD = b"HTTP/1.1 200 OK\r\nContent-Type: application/json\r\nContent-Length: 10
 @pytest.mark.asyncio
 async def test_a_stalling_socket_meets_the_total_time_out(pieces: tuple[bytes, ...]) -> None:
     async with raw_server(*pieces) as server, server.client() as client:
-        started = time.perf_counter()
         error = await error_of(client, timeout_s=0.2)
         assert error.kind is ErrorKind.TIMEOUT
-        assert time.perf_counter() - started < 20.0, "the read time-out is half a minute"
+        assert "no answer within 0.2 s" in str(error), "not the read time-out, of half a minute"
         await asyncio.wait_for(server.gone.wait(), PATIENCE_S)
 
 
@@ -38,11 +37,9 @@ async def test_an_address_that_never_accepts_meets_the_connect_time_out() -> Non
     with full_backlog() as url:
         profile = ModelProfile(url, "m", connect_timeout_s=0.2, attempts=1)
         async with ChatClient(profile) as client:
-            started = time.perf_counter()
-            error = await error_of(client, timeout_s=30.0)
+            error = await error_of(client, timeout_s=PATIENCE_S)
     assert error.kind is ErrorKind.CONNECTION
     assert "ConnectTimeout" in str(error)
-    assert time.perf_counter() - started < 25.0, "the call had half a minute"
 
 
 @contextmanager

@@ -26,7 +26,7 @@ if way == "lingering":
     time.sleep(2.0)
     sys.exit(1)
 if way == "slow":
-    time.sleep(60.0)
+    time.sleep(3600.0)
 
 server = uvicorn.Server(
     uvicorn.Config(create_app(), host="127.0.0.1", port=0, log_level="critical")

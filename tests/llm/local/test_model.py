@@ -4,7 +4,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -120,12 +119,10 @@ async def test_a_start_is_cancelled_at_once() -> None:
                 break
             await asyncio.sleep(0.01)
         pid = pid_of(asked)
-        started = time.perf_counter()
         call.cancel()
         with pytest.raises(asyncio.CancelledError):
             await call
-        assert time.perf_counter() - started < 30.0, "its start takes a minute"
-        assert not is_running(pid)
+        assert not is_running(pid), "nobody waits for its start, which takes an hour"
 
 
 @pytest.mark.process
