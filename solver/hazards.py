@@ -63,7 +63,7 @@ class _Believed:
     """Whether it is to be asked if it and a neighbour are one."""
 
     known: Known | None = None
-    """What was known of it when this map began."""
+    """What was known of it when this map began, or when evidence of it was let go of."""
 
     def shape(self) -> Shape:
         """Return centre, covariance and mass of its mean density."""
@@ -153,11 +153,19 @@ class HazardMap:
             self._count = max(self._count, one.key)
 
     def forget(self, key: int) -> None:
-        """Let go of a zone and of all evidence around it: it comes back when it hits again."""
+        """Let go of a zone and of all evidence around it: it comes back when it hits again.
+
+        What that evidence has told of its neighbours stays known of them.
+        """
         zone = self._believed.pop(key, None)
-        if zone is not None:
-            centre, covariance, _ = zone.shape()
-            self._encounters.forget(_point(centre), reach_m(covariance))
+        if zone is None:
+            return
+        centre, covariance, _ = zone.shape()
+        reach = reach_m(covariance)
+        self._encounters.forget(_point(centre), reach)
+        for other in self._believed.values():
+            if np.abs(other.cloud.centre - centre).max() <= reach:
+                other.known = Known(other.cloud.proposal, other.cloud.log_odds)
 
     # ------------------------------------------------------------------ inside
 

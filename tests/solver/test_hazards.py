@@ -3,7 +3,10 @@
 import numpy as np
 import pytest
 
+from solver import hypotheses
+from solver.encounters import Evidence, Marks
 from solver.hazards import MOST_ZONES, HazardMap
+from solver.hypotheses import Background
 from solver.inferences import Exposure, HazardEstimate
 from tests.solver.attacked import LAW, STEP_S, TrueZone, Wandering, hazard_map, normal_density
 
@@ -215,21 +218,37 @@ def test_a_forgotten_zone_comes_back_when_it_hits_again() -> None:
     assert second.since_s == 6.0
 
 
-def test_a_zone_whose_evidence_is_forgotten_with_a_neighbours_spoils_nothing() -> None:
-    hazards, beside = hazard_map(), (NEAR[0] + 2.0, NEAR[1])
-    for step in range(4):
-        told(hazards, [NEAR, beside], STEP_S * step, hits=1)
+def test_a_neighbour_stays_known_when_its_evidence_is_forgotten_too() -> None:
+    hazards, beside = hazard_map(), (NEAR[0] + 2.4, NEAR[1])
+    for step in range(6):
+        told(hazards, [NEAR], STEP_S * step, hits=1)
+        told(hazards, [beside], STEP_S * step, hits=1)
         settled(hazards)
-    first, _ = hazards.estimates
-    hazards.forget(first.key)
-    for step in range(300):
-        told(hazards, [beside], 1.0 + STEP_S * step)
-        hazards.update()
-    assert hazards.estimates == (), "nothing is left that speaks for it"
-    told(hazards, [FAR], 40.0, hits=1)
-    (found,) = settled(hazards)
-    assert np.hypot(*(np.asarray(found.mean) - FAR)) < 0.5
-    assert found.confidence > 0.5
+    near, before = sorted(hazards.estimates, key=lambda estimate: estimate.mean[0])
+    assert before.confidence > 0.9
+    hazards.forget(near.key)
+    for step in range(10):
+        told(hazards, [beside], 1.0 + 1.1 * step)
+        settled(hazards)
+    (after,) = hazards.estimates
+    assert after.key == before.key
+    assert after.confidence > 0.9
+    assert np.hypot(*(np.asarray(after.mean) - before.mean)) < 0.3
+
+
+def test_without_anything_it_has_caused_there_is_no_zone() -> None:
+    nothing = Marks(np.zeros((0, 2)), np.zeros(0))
+    clear = Marks(np.array([NEAR]), np.array([3.0]))
+    cloud = hypotheses.fitted(
+        LAW,
+        Evidence(clear, nothing, nothing, nothing),
+        Background(np.zeros(0), np.zeros(0)),
+        hypotheses.around(np.array(NEAR), LAW),
+        rounds=2,
+    )
+    assert cloud.log_odds == -np.inf
+    assert np.isfinite(cloud.predictive).all()
+    assert np.isfinite([*cloud.centre, cloud.strength, cloud.strength_deviation]).all()
 
 
 def test_another_map_goes_on_with_what_was_believed() -> None:
