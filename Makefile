@@ -73,7 +73,7 @@ chaos: setup-dev ## break everything for 20 minutes, five seeds, and see that wh
 field: setup-dev ## fly a team on two sites whose link is cut, healed, slow and lossy (five minutes)
 	$(BIN)/python -m benchmarks.field
 
-mutants: setup-dev ## make small errors in the solver and the verification; print which ones no test notices (MUTANTS="--sample 50")
+mutants: setup-dev ## make small errors in the solver, its kernels and the verification; print which ones no test notices (MUTANTS="--sample 50")
 	$(BIN)/python -m benchmarks.mutants $(MUTANTS)
 
 lock: setup-dev ## refresh both lock files from pyproject.toml (UPGRADE=--upgrade for newer ones)

@@ -6,6 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+_FLOORS = ("solver", "llm")
+_KERNELS = "solver.engines.fast."
+
 _SURVIVED = frozenset({0, 5, 33})
 """mutmut's codes: every test passed; no test reaches the function (the last two)."""
 
@@ -17,6 +20,11 @@ class Module:
     name: str
     results: Mapping[str, int | None]
     """Name of a mutant to mutmut's code for what became of it, None where it was not tried."""
+
+    @property
+    def group(self) -> str:
+        """What it is counted with: kernels, or its floor."""
+        return "kernels" if self.name.startswith(_KERNELS) else self.name.split(".")[0]
 
     @property
     def tried(self) -> int:
@@ -37,7 +45,8 @@ class Module:
 def modules(folder: Path) -> list[Module]:
     """Return the modules that have mutants, by name, from mutmut's folder."""
     found = []
-    for file in sorted(folder.rglob("*.py.meta")):
+    files = [file for floor in _FLOORS for file in (folder / floor).rglob("*.py.meta")]
+    for file in sorted(files):
         results = json.loads(file.read_text("utf-8"))["exit_code_by_key"]
         if results:
             name = ".".join(file.relative_to(folder).parts).removesuffix(".py.meta")
@@ -63,8 +72,8 @@ def summary(found: Sequence[Module]) -> str:
     lines += [
         f"| `{m.name}` | {len(m.results)} | {m.tried} | {100 * m.killed:.0f} % |" for m in tried
     ]
-    for floor in ("solver", "llm"):
-        group = [module for module in tried if module.name.split(".")[0] == floor]
+    groups = {floor: [m for m in tried if m.group == floor] for floor in (*_FLOORS, "kernels")}
+    for floor, group in groups.items():
         if group:
             mutants = sum(len(module.results) for module in group)
             killed = sum(len(module.results) * module.killed for module in group) / mutants
