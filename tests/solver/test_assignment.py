@@ -1,6 +1,7 @@
 """Assignments against brute force, and least repairs against every smaller one."""
 
 import time
+from dataclasses import replace
 from itertools import combinations, product
 
 import numpy as np
@@ -10,7 +11,7 @@ from hypothesis import strategies as st
 
 from solver import assignment
 from solver.appraisal import Appraisal
-from solver.arrays import BoolArray, FloatArray
+from solver.arrays import BoolArray, FloatArray, frozen
 from solver.assignment import AssignmentSettings
 from solver.directives import Pairing
 from solver.observations import Link
@@ -191,6 +192,20 @@ def test_a_known_zone_over_a_target_makes_it_worth_less_to_those_who_know() -> N
     assert feared[0, 0] > 1.2 * ignored[0, 0]
 
 
+def test_a_severe_zone_is_kept_away_from_further() -> None:
+    zone = Zone("s1", ZoneKind.SENSING, (0.0, 0.0), ((1.0, 0.0), (0.0, 1.0)), 0.2, 0.05)
+    snapshot = random_snapshot(1, 1, 1, 1, zones=(zone,))
+    snapshot = replace(snapshot, tracks=replace(snapshot.tracks, positions=frozen([[0.0, 0.0]])))
+    roster, one = roster_of(snapshot), np.array([0])
+    prices = []
+    for severities in ((), (("s1", 4.0),), (("s2", 4.0),)):
+        graver = directed(snapshot, severities=severities)
+        traces, _ = Prospects(graver, roster, SENSOR, SETTINGS).row(one, one[:, None])
+        prices.append(float(traces[0, 0]))
+    assert prices[1] > 1.1 * prices[0]
+    assert prices[2] == prices[0]
+
+
 def least_changes(roster: Roster) -> tuple[int, tuple[int, int]]:
     matrices = every_matrix(roster)
     best = max(cover(roster, matrix) for matrix in matrices)
@@ -223,6 +238,22 @@ def test_repair_changes_as_little_as_any_full_cover(seed: int, data: st.DataObje
 def test_repair_of_a_sound_assignment_is_itself() -> None:
     snapshot = random_snapshot(2, 4, 6, 2)
     assert assignment.repair(snapshot) == snapshot.directives.assignment
+
+
+def test_a_short_way_is_no_reason_for_a_change_more() -> None:
+    """The lone target's neighbour would have to hand on its own; somebody far off has room."""
+    snapshot = random_snapshot(0, 3, 20, 1)
+    positions = np.tile([50.0, 0.0], (20, 1))
+    positions[1] = (0.5, 0.0)
+    held = {Pairing(21, 122), Pairing(23, 123), *(Pairing(22, t) for t in range(124, 142))}
+    snapshot = replace(
+        directed(snapshot, assignment=frozenset(held), capacities=((21, 1), (22, 20), (23, 1))),
+        robots=replace(snapshot.robots, positions=frozen([[0.0, 0.0], [50.0, 1.0], [0.0, 9.0]])),
+        tracks=replace(snapshot.tracks, positions=frozen(positions)),
+    )
+    snapshot = with_links(snapshot, r23=Link.LOST)
+    expected = held - {Pairing(23, 123)} | {Pairing(22, 123)}
+    assert assignment.repair(snapshot) == expected
 
 
 def test_repair_is_quick_for_large_teams() -> None:

@@ -1,5 +1,7 @@
 """What is in force, read by robot."""
 
+from dataclasses import replace
+
 from solver.directives import Pairing
 from tests.solver.snapshots import random_snapshot
 
@@ -14,3 +16,9 @@ def test_rows_are_the_targets_of_each_robot_that_has_any() -> None:
         pairs = {Pairing(i, j) for i, row in rows.items() for j in row}
         assert pairs == directives.assignment
         assert all(rows.values())
+
+
+def test_a_zone_that_nothing_was_said_of_has_severity_one() -> None:
+    directives = replace(random_snapshot(0, 1, 1, 1).directives, severities=(("s1", 2.5),))
+    assert directives.severity_of("s1") == 2.5
+    assert directives.severity_of("s2") == 1.0

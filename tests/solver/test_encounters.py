@@ -80,3 +80,12 @@ def test_forgetting_is_local() -> None:
     encounters.forget((0.0, 0.0), 2.0)
     assert encounters.near((0.0, 0.0), 2.0).hits.weights.size == 0
     assert encounters.near((8.0, 5.0), 2.0).hits.weights.tolist() == [1.0]
+
+
+@pytest.mark.parametrize("place", [(-8.0, 0.0), (8.0, 0.0), (0.0, -5.0), (0.0, 5.0)])
+def test_a_window_ends_on_every_side(place: tuple[float, float]) -> None:
+    encounters = Encounters(LOWER, UPPER, 600.0)
+    encounters.add(Layer.HIT, np.array([[0.0, 0.0], place]), np.array([1.0, 1.0]))
+    assert encounters.near((0.0, 0.0), 2.0).hits.points == pytest.approx(np.array([[0.0, 0.0]]))
+    encounters.forget((0.0, 0.0), 2.0)
+    assert encounters.near(place, 2.0).hits.weights.tolist() == [1.0]

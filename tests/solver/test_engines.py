@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -175,3 +176,53 @@ def test_the_cache_keeps_the_most_recent() -> None:
         assert kept.get(key, build(key)) == str(key)
     assert built == [1, 2, 3, 2]
     assert len(kept) == 2
+
+
+def test_an_engine_without_its_libraries_is_unavailable_and_says_why(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def missing(module: str) -> None:
+        raise ImportError(f"no library for {module}")
+
+    monkeypatch.setattr(engines, "import_module", missing)
+    for name, module in (("fast", "fast"), ("sqp", "sqp")):
+        told = f"engine '{name}' cannot run here: no library for solver.engines.{module}"
+        with pytest.raises(EngineUnavailable, match=told):
+            engines.create(name)
+    with pytest.raises(EngineUnavailable, match="neither numba nor casadi is installed"):
+        engines.default_engine()
+
+
+def test_the_first_engine_that_can_run_is_the_one_to_use(monkeypatch: pytest.MonkeyPatch) -> None:
+    def without_numba(module: str) -> SimpleNamespace:
+        if module.endswith("fast"):
+            raise ImportError(module)
+        return SimpleNamespace(SqpEngine=SqpEngine, IpoptEngine=IpoptEngine)
+
+    monkeypatch.setattr(engines, "import_module", without_numba)
+    assert engines.default_engine() == "sqp"
+
+
+@pytest.mark.parametrize(
+    ("name", "loaded"),
+    [("sqp", ["SqpEngine"]), ("fast", ["FastEngine", "compiled"]), (engines.DEFAULT, None)],
+)
+def test_preloading_loads_machine_code_where_there_is_any(
+    name: str, loaded: list[str] | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    calls: list[str] = []
+
+    class Library:
+        """Takes note of what of it is called."""
+
+        def __getattr__(self, attribute: str) -> Callable[[], None]:
+            return lambda: calls.append(attribute)
+
+    monkeypatch.setattr(engines, "import_module", lambda _: Library())
+    engines.preload(name)
+    if loaded is None:
+        assert calls[-2:] == ["FastEngine", "compiled"]
+    else:
+        assert calls == loaded
+    with pytest.raises(EngineUnavailable, match="magic"):
+        engines.preload("magic")

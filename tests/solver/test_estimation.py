@@ -213,6 +213,77 @@ def test_an_outlier_is_gated_and_counted() -> None:
     np.testing.assert_allclose(healed.means, alone.means, atol=1e-14)
 
 
+@pytest.mark.parametrize("turn", np.arange(0.2, 2.0 * np.pi, 0.7))
+@pytest.mark.parametrize("share", [0.98, 1.02])
+def test_the_gate_is_where_the_innovation_is_as_unlikely_as_told(share: float, turn: float) -> None:
+    """From afar, range and bearing both off by a little less or more than the quantile."""
+    settings = replace(WALK, gate_probability=0.99)
+    mean, P = np.array([9.0, 5.0]), np.array([[0.3, 0.1], [0.1, 0.2]])
+    beliefs = estimation.with_prior(
+        estimation.start((122,), settings), 122, (9.0, 5.0), ((0.3, 0.1), (0.1, 0.2))
+    )
+    distance, bearing = predicted((0.0, 0.0), (9.0, 5.0))
+    rho = np.hypot(distance, TARGET_FLOOR_M)
+    H = np.array([mean / rho, np.array([-mean[1], mean[0]]) / rho**2])
+    S = H @ P @ H.T + np.diag(noise_variances(SENSOR, distance))
+    # 1 - exp(-t / 2) = 0.99 for two degrees of freedom.
+    radius = np.sqrt(-2.0 * np.log(0.01))
+    off = share * radius * np.linalg.cholesky(S) @ np.array([np.cos(turn), np.sin(turn)])
+    told = Detections(1, (0.0, 0.0), (Sighting(122, distance + off[0], bearing + off[1]),))
+    after = estimation.update(beliefs, settings, SENSOR, (told,))
+    assert after.rejected.tolist() == [0 if share < 1.0 else 1]
+
+
+@EITHER
+@pytest.mark.parametrize(
+    ("step_s", "rounds", "given_up"), [(0.5, 3, True), (0.3, 3, False), (0.9, 2, False)]
+)
+def test_a_track_that_every_sighting_contradicts_is_given_up_for_where_they_are(
+    step_s: float, rounds: int, given_up: bool, settings: FilterSettings
+) -> None:
+    """After three in a row and a second that nothing confirmed it, not before."""
+    settings = replace(settings, gate_probability=0.999)
+    beliefs = known(settings)
+    elsewhere = (-6.0, 7.0)
+    told = seen((-4.0, 3.0), {122: elsewhere}, np.zeros((1, 2)))
+    other = seen((-4.0, 3.0), {124: (3.0, 2.0)}, np.zeros((1, 2)))
+    for _ in range(rounds):
+        beliefs = estimation.predict(beliefs, settings, step_s)
+        beliefs = estimation.update(beliefs, settings, SENSOR, (told, other))
+    assert beliefs.known.all()
+    found = float(np.hypot(*(beliefs.means[0, :2] - elsewhere)))
+    if given_up:
+        assert found < 0.5
+        assert beliefs.rejected.tolist() == [0, 0, 0]
+        assert beliefs.unseen_s.tolist() == [0.0, 0.0, pytest.approx(rounds * step_s)]
+    else:
+        assert found > 5.0
+        assert beliefs.rejected.tolist() == [rounds, 0, 0]
+    np.testing.assert_allclose(beliefs.means[1, :2], (3.0, 2.0), atol=0.2)
+
+
+def test_a_prior_replaces_the_place_and_leaves_the_velocity() -> None:
+    beliefs = estimation.predict(known(CRUISE), CRUISE, 2.0)
+    beliefs = replace(
+        beliefs,
+        means=beliefs.means + np.array([0.0, 0.0, 0.3, -0.1]),
+        rejected=np.array([2, 2, 2]),
+    )
+    assert (beliefs.covariances[1, :2, 2:] != 0.0).any()
+    after = estimation.with_prior(beliefs, 124, (8.0, 9.0), ((0.5, 0.2), (0.2, 0.4)))
+    np.testing.assert_allclose(after.means[1], [8.0, 9.0, 0.3, -0.1])
+    expected = np.zeros((4, 4))
+    expected[:2, :2] = ((0.5, 0.2), (0.2, 0.4))
+    expected[2:, 2:] = beliefs.covariances[1, 2:, 2:]
+    np.testing.assert_array_equal(after.covariances[1], expected)
+    for row in (0, 2):
+        np.testing.assert_array_equal(after.means[row], beliefs.means[row])
+        np.testing.assert_array_equal(after.covariances[row], beliefs.covariances[row])
+    assert after.unseen_s.tolist() == [2.0, 0.0, 2.0]
+    assert after.rejected.tolist() == [2, 0, 2]
+    assert beliefs.unseen_s.tolist() == [2.0, 2.0, 2.0]
+
+
 def test_unknown_targets_and_broken_numbers_are_ignored() -> None:
     beliefs = known(WALK)
     rubbish = (

@@ -1,5 +1,7 @@
 """Covariance intersection: consistent whatever the two sides have in common."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -62,9 +64,10 @@ def test_share_is_the_one_of_least_trace(seed: int) -> None:
 
 
 def test_an_unknown_target_is_taken_over() -> None:
-    beliefs = believed(np.zeros(2), np.eye(2))
+    beliefs = replace(believed(np.zeros(2), np.eye(2)), unseen_s=np.array([2.0, 9.0]))
     fused = estimation.fuse(beliefs, (track(np.array([3.0, 4.0]), 0.5 * np.eye(2), 124),))
-    assert fused.known.tolist() == [True, True]
+    assert fused.known.tolist() == fused.started.tolist() == [True, True]
+    assert fused.unseen_s.tolist() == [2.0, 0.0]
     np.testing.assert_array_equal(fused.means[1], [3.0, 4.0])
     np.testing.assert_array_equal(fused.covariances[1], 0.5 * np.eye(2))
     np.testing.assert_array_equal(fused.covariances[0], np.eye(2))

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from solver import objective
-from solver.arrays import FloatArray, frozen
+from solver.arrays import FloatArray, frozen, frozen_bool
 from solver.objective import MATE_SMOOTHING_M, TARGET_FLOOR_M, ZONE_SMOOTHING_M
 from solver.problem import Dynamics, Problem, ZoneTable
 from tests.solver.problems import DYNAMICS, coincident, random_controls, random_problem
@@ -192,3 +192,26 @@ def test_an_empty_team_costs_its_unseen_targets() -> None:
     later = traces + np.trace(problem.target_growth[1], axis1=1, axis2=2).sum()
     assert objective.cost(problem, nothing) == pytest.approx(10.0 * (traces + later))
     assert objective.gradient(problem, nothing).shape == (0, 2, 2)
+
+
+def test_exact_communication_is_the_papers_where_some_robots_know_some_zones() -> None:
+    problem = random_problem(4, 4, 0, 2, 2, room=0.8)
+    known = np.array([[True, False], [False, False], [True, True], [False, False]])
+    problem = replace(
+        problem, communication=replace(problem.communication, known=frozen_bool(known))
+    )
+    controls = random_controls(1, problem)
+    positions, _ = objective.rollout(problem, controls)
+    table, total = problem.communication, 0.0
+    for k in range(2):
+        for robot, zone in np.argwhere(known).tolist():
+            x = positions[:, k]
+            spread = max(np.linalg.norm(x[robot] - mate) for mate in np.delete(x, robot, axis=0))
+            away = table.centres[zone] - x[robot]
+            n = away / np.linalg.norm(away)
+            radius = table.quantiles[zone] * np.sqrt(n @ table.covariances[zone] @ n)
+            g = np.linalg.norm(away) - radius - table.margins[zone] * spread
+            total += table.severities[zone] * max(0.0, -g) ** 2
+    found = objective.exact_terms(problem, controls).communication
+    assert found == pytest.approx(problem.weights.communication * total, rel=1e-6)
+    assert found > 0.0

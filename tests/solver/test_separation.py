@@ -1,6 +1,7 @@
 """No two robots ever nearer than the least distance, whatever the engine wants."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -157,3 +158,132 @@ def test_teams_beyond_all_pairs_are_filtered_alike(dynamics: Dynamics) -> None:
     together = filtered(big, np.concatenate((wanted, np.zeros((50, 2)))))
     np.testing.assert_allclose(together[:30], alone, atol=1e-12)
     assert not np.array_equal(alone, wanted)
+
+
+def test_near_enough_to_look_at_and_far_enough_to_be_left_alone() -> None:
+    problem = team(np.array([[0.0, 0.0], [0.9, 0.0]]))
+    wanted = np.array([[0.5, 0.1], [-0.5, 0.1]])
+    # 0.25 m to spare each, in half a second: just what they want.
+    lower, upper = control_box(problem)
+    assert separated(problem, wanted, lower[:, 0], upper[:, 0]) is wanted
+    nearer = replace(problem, positions=frozen([[0.0, 0.0], [0.8, 0.0]]))
+    first = filtered(nearer, wanted)
+    np.testing.assert_allclose(first, [[0.4, 0.1], [-0.4, 0.1]])
+    np.testing.assert_array_equal(wanted, [[0.5, 0.1], [-0.5, 0.1]])
+
+
+@pytest.mark.parametrize("turn", np.arange(0.05, 2.0 * np.pi, 0.5))
+def test_of_two_on_one_spot_each_may_go_where_the_other_may_not(turn: float) -> None:
+    wanted = 0.4 * np.array([[np.cos(turn), np.sin(turn)]] * 2)
+    first = filtered(team(np.zeros((2, 2))), wanted)
+    kept = [np.array_equal(found, asked) for found, asked in zip(first, wanted, strict=True)]
+    assert sorted(kept) == [False, True]
+
+
+def test_three_on_one_spot_may_all_part() -> None:
+    problem = team(np.ones((3, 2)))
+    rng = np.random.default_rng(0)
+    gaps = [
+        pdist(problem.step_s * filtered(problem, rng.uniform(-0.5, 0.5, size=(3, 2)))).min()
+        for _ in range(200)
+    ]
+    assert max(gaps) > 0.2
+
+
+def test_who_stands_on_an_obstacle_may_leave_it_on_one_side() -> None:
+    problem = replace(team(np.array([[1.0, 1.0]])), obstacles=frozen([[1.0, 1.0]]))
+    turns = np.arange(0.01, 2.0 * np.pi, 0.1)
+    ways = 0.4 * np.stack((np.cos(turns), np.sin(turns)), axis=1)
+    free = sum(np.array_equal(filtered(problem, way[None])[0], way) for way in ways)
+    assert free == pytest.approx(len(ways) / 2.0, abs=1.5)
+
+
+def test_a_team_on_one_spot_beside_an_obstacle_keeps_away_from_it() -> None:
+    problem = replace(team(np.zeros((2, 2))), obstacles=frozen([[0.5, 0.0]]))
+    first = filtered(problem, np.array([[0.5, 0.0], [0.5, 0.0]]))
+    assert (first[:, 0] <= 0.1 + 1e-9).all()
+
+
+def moving(positions: FloatArray, velocities: FloatArray, **changes: Any) -> Problem:
+    problem = team(positions, Dynamics.DOUBLE_INTEGRATOR)
+    return replace(problem, velocities=frozen(velocities), **changes)
+
+
+@pytest.mark.parametrize(
+    ("gap", "speed"), [(0.4, 0.0), (0.6, 0.0), (1.0, 0.2), (1.4, 0.5), (0.8, -0.3), (0.5, 0.1)]
+)
+def test_a_double_integrator_keeps_the_way_it_needs_to_brake(gap: float, speed: float) -> None:
+    """Two that approach each other along x at one speed; half of what is left is each one's."""
+    problem = moving(np.array([[0.0, 0.0], [gap, 0.0]]), np.array([[speed, 0.1], [-speed, 0.1]]))
+    first = filtered(problem, np.array([[0.5, 0.2], [-0.5, 0.2]]))
+    h, a = 0.5, 0.5
+    spare = 0.5 * (gap - 0.4) - 0.5 * h * speed
+    # After the step it moves at w and needs w^2 / 2a + w h / 2 to come to rest.
+    w = a * (np.sqrt(h * h + 2.0 * spare / a) - h) if spare >= 0.0 else 2.0 * spare / h
+    most = float(np.clip((w - speed) / h, -0.5, 0.5))
+    np.testing.assert_allclose(first, [[most, 0.2], [-most, 0.2]], atol=1e-9)
+
+
+def test_a_robot_brakes_as_its_weaker_side_allows() -> None:
+    lower, upper = frozen([[-0.5, -0.4], [-0.2, -0.5]]), frozen([[0.3, 0.5], [0.5, 0.5]])
+    problem = moving(
+        np.array([[0.0, 0.0], [1.0, 0.0]]),
+        np.array([[0.2, 0.0], [-0.2, 0.0]]),
+        control_lower=lower,
+        control_upper=upper,
+    )
+    first = filtered(problem, np.array([[0.3, 0.0], [-0.2, 0.0]]))
+    for row, a in enumerate((0.3, 0.2)):
+        w = a * (np.sqrt(0.25 + 2.0 * 0.25 / a) - 0.5)
+        most = min((w - 0.2) / 0.5, (0.3, 0.2)[row])
+        assert abs(first[row, 0]) == pytest.approx(most, abs=1e-9)
+
+
+@pytest.mark.parametrize("obstacle", [False, True])
+def test_fast_ones_see_each_other_in_time(obstacle: bool) -> None:
+    """From afar at two metres a second, with half a metre per second and second to brake."""
+    places = np.array([[-12.0, 0.0]] if obstacle else [[-12.0, 0.05], [12.0, -0.05]])
+    speeds = np.array([[2.0, 0.0], [-2.0, 0.0]])[: len(places)]
+    still = frozen([[0.0, 0.0]]) if obstacle else frozen(np.zeros((0, 2)))
+    problem = moving(places, speeds, obstacles=still)
+    problem = replace(
+        problem,
+        speed_limit=frozen(np.full(len(places), 2.0)),
+        field_lower=frozen([-50.0, -50.0]),
+        field_upper=frozen([50.0, 50.0]),
+    )
+    nearest = np.inf
+    for _ in range(60):
+        first = filtered(problem, np.sign(speeds) * 0.5)
+        positions, velocities = rollout(problem, first[:, None])
+        everyone = np.concatenate((positions[:, 0], still))
+        nearest = min(nearest, float(pdist(everyone).min()))
+        problem = replace(
+            problem, positions=frozen(positions[:, 0]), velocities=frozen(velocities[:, 0])
+        )
+    assert problem.min_dist_m - 1e-7 <= nearest < 1.0
+
+
+@settings(max_examples=30)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_where_nothing_obeys_the_worst_violation_is_nearly_least(seed: int) -> None:
+    """Too fast to stop for two others at once; against a fine grid over the limits."""
+    rng = np.random.default_rng(seed)
+    angles = rng.uniform(0.0, 2.0 * np.pi) + np.array([0.0, rng.uniform(0.5, 2.5)])
+    normals = np.stack((np.cos(angles), np.sin(angles)), axis=1)
+    speed = 2.0 * normals.mean(axis=0)
+    places = np.concatenate((np.zeros((1, 2)), 0.6 * normals))
+    problem = moving(places, np.concatenate((speed[None], np.zeros((2, 2)))))
+    first = filtered(problem, rng.uniform(-0.5, 0.5, size=(3, 2)))[0]
+    h = problem.step_s
+    closing = normals @ speed
+    spare = 0.1 - 0.5 * h * closing
+    w = np.where(
+        spare >= 0.0, 0.5 * (np.sqrt(h * h + 4.0 * np.maximum(spare, 0.0)) - h), 2.0 * spare / h
+    )
+    limits = (w - closing) / h
+    axis = np.linspace(-0.5, 0.5, 101)
+    grid = np.stack(np.meshgrid(axis, axis), axis=-1).reshape(-1, 2)
+    least = (grid @ normals.T - limits).max(axis=1).min()
+    assert (normals @ first - limits).max() <= max(least, 0.0) + 0.3
+    assert (np.abs(first) <= 0.5).all()
