@@ -97,7 +97,7 @@ async def login_page(request: Request, key: str = "") -> Response:
     try:
         identity, value = access_of(request).use_link(key[:200], _address(request))
     except ServiceError as error:
-        _note(request, "", {"did": "refused", "by": "link", "code": error.code})
+        _note_refusal(request, "", "link", error)
         return HTMLResponse(_page(error.message), status_code=error.status)
     _note(request, identity.name, {"did": "login", "by": "link", "session": identity.session})
     return _welcome(request, identity, value)
@@ -120,7 +120,7 @@ def _logged_in(request: Request, door: Access, token: str, name: str) -> tuple[I
     try:
         identity, value = door.log_in(token, name, _address(request))
     except ServiceError as error:
-        _note(request, name, {"did": "refused", "by": "token", "code": error.code})
+        _note_refusal(request, name, "token", error)
         raise
     said = {"did": "login", "by": "token", "role": identity.role, "session": identity.session}
     _note(request, identity.name, said)
@@ -132,6 +132,15 @@ def _log_out(request: Request, door: Access) -> None:
     if identity.session is not None:
         door.sessions.revoke(identity.session)
         _note(request, identity.name, {"did": "logout", "session": identity.session})
+
+
+def _note_refusal(request: Request, author: str, by: str, error: ServiceError) -> None:
+    """Write a failed try into the journal; one that a closed door turned away is none.
+
+    So strangers make it no longer than by what the door lets them try.
+    """
+    if error.status == HTTPStatus.UNAUTHORIZED:
+        _note(request, author, {"did": "refused", "by": by, "code": error.code})
 
 
 def _note(request: Request, author: str, said: Mapping[str, object]) -> None:

@@ -9,11 +9,11 @@ import hashlib
 import hmac
 import secrets
 from collections.abc import Iterable
-from http.cookies import CookieError, SimpleCookie
 from typing import Any, Final
 
 from itsdangerous import BadSignature, URLSafeTimedSerializer
 from starlette.datastructures import Headers
+from starlette.requests import cookie_parser
 from starlette.types import Scope
 
 from server.api.identity import Identity, Role
@@ -110,8 +110,6 @@ def _secure(scope: Scope) -> str:
 
 
 def _cookie(scope: Scope, name: str) -> str | None:
-    try:
-        jar: SimpleCookie = SimpleCookie(Headers(scope=scope).get("cookie", ""))
-    except CookieError:
-        return None
-    return jar[name].value if name in jar else None
+    # A browser sends along what any other server of this host has set, on whatever port and
+    # however odd. The standard library's parser gives up at the first odd one.
+    return cookie_parser(Headers(scope=scope).get("cookie", "")).get(name)

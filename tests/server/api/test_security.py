@@ -79,6 +79,7 @@ async def test_this_machine_is_answered(host: str) -> None:
         {"origin": "http://localhost:8000"},  # another name of this machine is another origin
         {"origin": "null"},
         {"origin": "file://"},
+        {"origin": "http://["},
         {"sec-fetch-site": "cross-site"},
         {"sec-fetch-site": "same-site"},
     ],

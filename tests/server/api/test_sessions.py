@@ -16,7 +16,7 @@ from server.api.app import create_app
 from server.api.identity import Role
 from server.api.models import MissionRequest
 from server.api.sessions import LIFETIME_S, Sessions
-from server.journal.entry import EntryKind
+from server.journal.entry import Entry, EntryKind
 from server.settings import Settings
 from tests.patience import PATIENCE_S
 from tests.server.api.fortress import (
@@ -110,6 +110,19 @@ async def test_a_forged_cookie_opens_nothing(what: str, cookie: str) -> None:
 
 
 @pytest.mark.asyncio
+async def test_what_other_servers_of_this_host_have_set_keeps_nobody_out() -> None:
+    """Browsers send a host's cookies to each of its ports, whatever stands in them."""
+    async with fort() as fortress:
+        await fortress.log_in(VIEWER)
+        own = fortress.client.cookies["falconer_session_8000"]
+        fortress.client.cookies.clear()
+        for odd in ('theirs={"a": [1, 2]}', "theirs=ü", 'theirs="', "=;;theirs"):
+            sent = [(b"cookie", f"{odd}; falconer_session_8000={own}; last={odd}".encode())]
+            answer = await fortress.client.get(f"{API}/session", headers=sent)
+            assert answer.status_code == 200, odd
+
+
+@pytest.mark.asyncio
 async def test_a_cookie_expires(monkeypatch: pytest.MonkeyPatch) -> None:
     async with fort() as fortress:
         await fortress.log_in(OPERATOR)
@@ -166,6 +179,9 @@ async def test_failed_logins_close_the_door_for_a_while() -> None:
                 failed = await fortress.journal(EntryKind.SESSION)
                 await asyncio.sleep(0.01)
         assert [said["did"] for said in failed][:MAX_FAILURES] == ["refused"] * MAX_FAILURES
+        # Strangers at a closed door do not make the journal longer.
+        await fortress.stage.service.chronicle.journal.commit(Entry(EntryKind.SERVER))
+        assert len(await fortress.journal(EntryKind.SESSION)) == MAX_FAILURES
         assert OPERATOR not in str(failed)
 
 
