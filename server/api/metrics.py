@@ -71,7 +71,7 @@ class ServiceCollector(Collector):
         yield _single("falconer_stream_clients", "Open subscriptions of streams.", clients)
         text = "Subscriptions closed because they were too slow."
         yield _counted("falconer_stream_clients_dropped", text, dropped)
-        live = next((r for r in records if r.live and not r.virtual), None)
+        live = next((r for r in records if r.live and r.real), None)
         processes = {"web": process_vitals()}
         if live is not None:
             yield from _mission(live)

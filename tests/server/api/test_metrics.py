@@ -9,8 +9,10 @@ import pytest
 from prometheus_client.parser import text_string_to_metric_families
 from structlog.testing import capture_logs
 
-from server.api.models import MissionRequest
+from server.api.catalogue import Definition
+from server.api.models import Clock, MissionRequest
 from server.live.channel import frame
+from server.mission.setup import GateMode
 from tests.server.api.serving import Stage, client_of
 from tests.server.journal.keeping import full_disk
 from tests.server.waiting import eventually
@@ -63,6 +65,19 @@ async def test_loops_models_bus_clients_journal_and_processes_are_told() -> None
         assert found["falconer_process_resident_bytes", "mission"] == 1e8
         assert found["falconer_process_resident_bytes", "web"] > 1e7
         assert found["falconer_process_tasks", "web"] >= 1
+
+
+@pytest.mark.asyncio
+async def test_a_replay_is_not_taken_for_the_mission_that_flies() -> None:
+    stage = Stage()
+    shown = Definition("scripted", "none", 0, Clock.REPLAY, GateMode.AUTO, {"p": 1}, None)
+    async with client_of(stage.app(), stage) as client:
+        mission = (await stage.service.add(shown, "test")).id
+        await stage.service.start(mission, "test")
+        await eventually(lambda: stage.service.snapshot(mission) is not None)
+        found = figures(await client.get("/metrics"))
+        assert found["falconer_missions", "running"] == 1
+        assert ("falconer_trace", "") not in found
 
 
 @pytest.mark.asyncio
