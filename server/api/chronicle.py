@@ -18,6 +18,9 @@ log = structlog.get_logger(__name__)
 
 MAX_AUTHOR = 100
 
+PAGE = 1000
+"""Entries read at once, where all of a kind are wanted."""
+
 
 class Chronicle:
     """Writes and reads entries about missions. Owns nothing but the way they are written."""
@@ -103,9 +106,13 @@ class Chronicle:
     # ------------------------------------------------------------------ read
 
     async def ended_sessions(self) -> list[str]:
-        """Return the sessions that were logged out. Raises JournalUnavailable."""
-        entries = await self.journal.read("", (EntryKind.SESSION,), limit=100_000)
-        return [e.data["session"] for e in entries if e.data.get("did") == "logout"]
+        """Return the sessions that were logged out, oldest first. Raises JournalUnavailable."""
+        ended: list[str] = []
+        after = 0
+        while page := await self.journal.read("", (EntryKind.SESSION,), after, PAGE):
+            ended += [e.data["session"] for e in page if e.data.get("did") == "logout"]
+            after = page[-1].seq
+        return ended
 
     async def events(self, mission: str, after: int, limit: int) -> list[dict[str, Any]]:
         """Return events after a number, oldest first. ServiceError 503."""

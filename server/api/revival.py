@@ -31,6 +31,9 @@ log = structlog.get_logger(__name__)
 ENDED_KEPT: Final = 20
 """Missions that are over are shown again after a restart, the newest ones."""
 
+MOST_KEPT: Final = 80
+"""Of all missions."""
+
 EVENTS_READ: Final = 3000
 EVENTS_PAGE: Final = 500
 
@@ -111,23 +114,30 @@ async def revived(journal: Journal, bus: BusOf) -> tuple[int, list[Revived]]:
     found: list[Revived] = []
     ended = 0
     for entry in reversed(entries):
-        mission = await _revive(journal, entry, bus)
+        last = await _last_state(journal, entry.mission)
+        over = last["state"] == MissionState.ENDED
+        if last["state"] == DELETED or (over and ended >= ENDED_KEPT):
+            continue  # a journal of years is not read through at each start
+        mission = await _revive(journal, entry, last, bus)
         if mission is None:
             continue
-        ended += mission.state is MissionState.ENDED
-        if mission.state is not MissionState.ENDED or ended <= ENDED_KEPT:
-            found.append(mission)
-        if len(found) >= 4 * ENDED_KEPT:
+        ended += over
+        found.append(mission)
+        if len(found) >= MOST_KEPT:
             break
     return highest, found[::-1]
 
 
-async def _revive(journal: Journal, made: Sealed, bus: BusOf) -> Revived | None:
-    mission = made.mission
+async def _last_state(journal: Journal, mission: str) -> dict[str, Any]:
     states = await journal.read(mission, (EntryKind.STATE,), limit=100_000)
-    last = states[-1].data if states else {"state": MissionState.CREATED, "reason": ""}
-    if last["state"] == DELETED:
-        return None
+    return states[-1].data if states else {"state": MissionState.CREATED, "reason": ""}
+
+
+async def _revive(
+    journal: Journal, made: Sealed, last: Mapping[str, Any], bus: BusOf
+) -> Revived | None:
+    """Return a mission whose newest state is `last`, None for one that cannot be shown."""
+    mission = made.mission
     try:
         stored = made.data["definition"]
         if stored["clock"] == Clock.REPLAY:

@@ -110,8 +110,7 @@ class DatabaseJournal:
     def post(self, entry: Entry) -> None:
         """Leave an entry to be written."""
         if len(self._queue) >= self._max_waiting:
-            self._lost += 1
-            self._lost_untold += 1
+            self._lose()
             return
         self._queue.append(_Waiting(entry, None))
         self._wake.set()
@@ -160,7 +159,7 @@ class DatabaseJournal:
         c = ENTRIES.c
         fits = (c.mission == mission, c.kind == kind.value, c.number > after)
         with _readable():
-            return await self._store.entries(*fits, limit=limit, by_number="number")
+            return await self._store.entries(*fits, limit=limit, order=c.number)
 
     async def missions(self) -> list[Sealed]:
         """Return the entries that made missions, oldest first."""
@@ -214,11 +213,7 @@ class DatabaseJournal:
             if waiting.answer is None or not waiting.answer.done():  # else its asker has left
                 batch.append(waiting)
         checkpoints, self._checkpoints = self._checkpoints, {}
-        sealed: list[Sealed] = []
-        head = self._head
-        for waiting in batch:
-            sealed.append(seal(waiting.entry, head))
-            head = Head(sealed[-1].seq, sealed[-1].hash)
+        batch, sealed = self._seal(batch)
         self._sealed = sealed
         try:
             await self._store.append(sealed, checkpoints)
@@ -227,10 +222,40 @@ class DatabaseJournal:
             self._doubtful = batch
             self._checkpoints = checkpoints | self._checkpoints
             raise
-        self._head, self._sealed = head, []
+        if sealed:
+            self._head = Head(sealed[-1].seq, sealed[-1].hash)
+        self._sealed = []
         for waiting, entry in zip(batch, sealed, strict=True):
             if waiting.answer is not None and not waiting.answer.done():
                 waiting.answer.set_result(entry)
+
+    def _seal(self, batch: list[_Waiting]) -> tuple[list[_Waiting], list[Sealed]]:
+        """Return what can be written, and as what.
+
+        One bad entry must not keep all others waiting: it is told of, and counted as lost.
+        """
+        good: list[_Waiting] = []
+        sealed: list[Sealed] = []
+        head = self._head
+        for waiting in batch:
+            try:
+                entry = seal(waiting.entry, head)
+            except (TypeError, ValueError, RecursionError) as error:
+                known = waiting.entry
+                why = f"what was to be written is no JSON: {error}"
+                log.error("entry lost", kind=known.kind, mission=known.mission, why=why)
+                self._lose()
+                self._refuse([waiting], why)
+                continue
+            good.append(waiting)
+            sealed.append(entry)
+            head = Head(entry.seq, entry.hash)
+        return good, sealed
+
+    def _lose(self) -> None:
+        """Count an entry that will not be written; the next batch tells of it."""
+        self._lost += 1
+        self._lost_untold += 1
 
     def _find_place(self, found: Head) -> None:
         """Settle, after a reconnect, what became of the last batch and where the chain goes on."""

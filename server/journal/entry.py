@@ -54,7 +54,7 @@ class EntryKind(StrEnum):
     """Somebody logged in, failed to, or logged out."""
 
     GAP = "gap"
-    """Entries were lost while the database was away; the body says how many."""
+    """Entries were lost, mostly while the database was away; the body says how many."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +114,10 @@ class Head:
 
 
 def seal(entry: Entry, head: Head) -> Sealed:
-    """Return the entry chained to the one before it. Raises ValueError for NaN and infinity."""
+    """Return the entry chained to the one before it.
+
+    Raises ValueError for NaN and infinity, TypeError and RecursionError for what else is no JSON.
+    """
     at = entry.at.astimezone(UTC).isoformat(timespec="milliseconds")
     body = json.dumps(dict(entry.body), separators=(",", ":"), allow_nan=False)
     parts = (

@@ -25,7 +25,7 @@ class JournalStatus:
     """Entries that are not committed yet."""
 
     lost: int
-    """Entries for which there was no room while the database was away."""
+    """Entries for which there was no room while the database was away, or which were no JSON."""
 
 
 Watcher = Callable[[JournalStatus], None]

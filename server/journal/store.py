@@ -34,6 +34,8 @@ _DRIVERS: Final = {
     "postgres": "postgresql+asyncpg",
 }
 
+_NEWEST: Final = select(ENTRIES.c.seq, ENTRIES.c.hash).order_by(ENTRIES.c.seq.desc()).limit(1)
+
 _APPEND_ONLY: Final = "the journal is only ever added to"
 
 _SQLITE_GUARD: Final = (
@@ -163,17 +165,18 @@ class Store:
     # ------------------------------------------------------------------ read
 
     async def entries(
-        self, *where: ColumnElement[bool], limit: int, by_number: str = ""
+        self,
+        *where: ColumnElement[bool],
+        limit: int,
+        order: ColumnElement[int] = ENTRIES.c.seq,
     ) -> list[Sealed]:
-        """Return the first entries that fit, by seq (or by number where that is asked)."""
-        order = ENTRIES.c.number if by_number else ENTRIES.c.seq
+        """Return the first entries that fit, in the order of a column."""
         query = select(ENTRIES).where(*where).order_by(order).limit(limit)
         return [Sealed(**row) for row in await self._rows(query)]
 
     async def head(self) -> Head:
         """Return the newest entry's place."""
-        newest = select(ENTRIES.c.seq, ENTRIES.c.hash).order_by(ENTRIES.c.seq.desc()).limit(1)
-        rows = await self._rows(newest)
+        rows = await self._rows(_NEWEST)
         return Head(rows[0]["seq"], rows[0]["hash"]) if rows else Head()
 
     async def checkpoint(self, mission: str) -> tuple[str, str] | None:
@@ -202,8 +205,7 @@ class Store:
             return [dict(row) for row in found.mappings()]
 
     async def _head(self, connection: AsyncConnection) -> Head:
-        newest = select(ENTRIES.c.seq, ENTRIES.c.hash).order_by(ENTRIES.c.seq.desc()).limit(1)
-        row = (await connection.execute(newest)).first()
+        row = (await connection.execute(_NEWEST)).first()
         await connection.rollback()
         return Head() if row is None else Head(row.seq, row.hash)
 

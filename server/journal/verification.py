@@ -38,13 +38,9 @@ class ChainChecker:
         """Take the next entry."""
         expected = self.head.seq + 1
         if sealed.seq != expected:
-            missing = f"{expected} is" if sealed.seq == expected + 1 else f"{expected} to"
-            words = (
-                f"{missing} missing"
-                if missing.endswith("is")
-                else (f"{missing} {sealed.seq - 1} are missing")
-            )
-            self._note(f"entry {words}")
+            last = sealed.seq - 1
+            gone = f"{expected} is" if last == expected else f"{expected} to {last} are"
+            self._note(f"entry {gone} missing")
         elif sealed.previous != self.head.hash:
             self._note(f"entry {sealed.seq} does not follow entry {self.head.seq}")
         if not is_sound(sealed):

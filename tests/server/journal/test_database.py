@@ -1,6 +1,7 @@
 """The journal in SQLite: durable, ordered, bounded, and back after every kind of trouble."""
 
 import asyncio
+import json
 import shutil
 import sqlite3
 from pathlib import Path
@@ -8,7 +9,7 @@ from pathlib import Path
 import pytest
 from structlog.testing import capture_logs
 
-from server.journal.entry import EntryKind
+from server.journal.entry import Entry, EntryKind
 from server.journal.journal import JournalStatus, JournalUnavailable
 from server.journal.store import Store, StoreUrlError
 from tests.server.journal.keeping import (
@@ -111,6 +112,24 @@ async def test_the_buffer_is_bounded_and_says_what_it_lost(tmp_path: Path) -> No
             await eventually(lambda: journal.status.available)
     gaps = [body for kind, body in rows(tmp_path) if kind == "gap"]
     assert gaps == ['{"lost":80}']
+    assert (await verified(address(tmp_path))).problems == ()
+
+
+@pytest.mark.asyncio
+async def test_an_entry_that_is_no_json_costs_no_other_one(tmp_path: Path) -> None:
+    with capture_logs():
+        async with journal_at(address(tmp_path)) as journal:
+            await journal.commit(comment("before"))
+            journal.post(Entry(EntryKind.EVENT, "m1", body={"x": float("nan")}))
+            with pytest.raises(JournalUnavailable, match="JSON"):
+                await journal.commit(Entry(EntryKind.COMMENT, "m1", body={"x": object()}))
+            await journal.commit(comment("after"))
+            assert journal.status.available
+            assert journal.status.lost == 2
+    told = rows(tmp_path)
+    comments = [json.loads(body)["text"] for kind, body in told if kind == "comment"]
+    assert comments == ["before", "after"]
+    assert sum(json.loads(body)["lost"] for kind, body in told if kind == "gap") == 2
     assert (await verified(address(tmp_path))).problems == ()
 
 
