@@ -40,7 +40,7 @@ _COMPONENTS: Final = {
     "journal": "The journal is not available",
     "recording": "The recording has stopped",
     "planner": "The planner has ended",
-    "world": "The world has ended",
+    "world": "The simulated world has ended",
 }
 _SUDDEN: Final = frozenset({"clock", "recording"})
 """Components whose trouble no event ends."""

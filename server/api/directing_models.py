@@ -4,7 +4,7 @@ from typing import Annotated, Any, Self
 
 from pydantic import Field, StrictBool, model_validator
 
-from server.api.models import Answer, Body
+from server.api.models import Answer, Body, Number
 from solver.zones import ZoneKind
 
 MAX_PLACE_M = 1e6
@@ -12,7 +12,6 @@ LEAST_VARIANCE_M2 = 1e-4
 GREATEST_VARIANCE_M2 = 1e6
 LONGEST_PIN_S = 86_400.0
 
-Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Id = Annotated[int, Field(strict=True, ge=0, le=2**31 - 1)]
 IdKey = Annotated[str, Field(pattern=r"^(0|[1-9][0-9]{0,9})$")]
 """A robot's id as the key of an object, as JSON wants it."""

@@ -15,8 +15,14 @@ MAX_SEED = 2**63 - 1
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,63}$")]
 CommentText = Annotated[
     str,
-    StringConstraints(strip_whitespace=True, min_length=1, max_length=MAX_COMMENT_CHARACTERS),
+    StringConstraints(
+        strip_whitespace=True,
+        min_length=1,
+        max_length=MAX_COMMENT_CHARACTERS,
+        pattern=r"^[^\x00]*$",
+    ),
 ]
+"""Anything but the character NUL, which no process takes as an argument."""
 
 
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]

@@ -13,6 +13,7 @@ from server.api.catalogue import Definition
 from server.api.errors import ServiceError
 from server.api.record import MissionRecord
 from server.encoding import EventKind, MissionState, Severity
+from server.errors import BadInput
 from server.live.channel import ChannelError, RequestRefused, encode
 from server.live.host import START_S, Host
 from server.live.outbox import Frame
@@ -23,7 +24,10 @@ REQUEST_S = 3.0
 """A mission that does not answer within this time is told of as unavailable."""
 
 PLANNER = "planner"
-WORLD = "simulated world"
+WORLD = "world"
+"""Which process it is, as events and logs name it."""
+
+_WORDS = {PLANNER: "planner", WORLD: "simulated world"}
 
 MakeHost = Callable[[Definition], Host]
 
@@ -89,11 +93,12 @@ class Processes:
     async def launch(self, record: MissionRecord) -> None:
         """Start the processes of a mission: planner, world, and then its clock.
 
-        Raises ServiceError 503.
+        The caller holds `record.change`. Raises ServiceError 503.
         """
         definition = record.definition
         try:
-            planner = self._make_planner(definition)
+            # Whoever shows a recording reads through all of it first.
+            planner = await asyncio.to_thread(self._make_planner, definition)
             self._run(record, planner, PLANNER)
             world = None
             if definition.world is not None and len(record.tasks) == 1:
@@ -114,7 +119,7 @@ class Processes:
                 job = {"job": definition.world, "endpoint": record.endpoint}
                 await world.request("start", job, timeout_s=START_S)
             await planner.request("start", timeout_s=REQUEST_S)
-        except ChannelError as error:
+        except (ChannelError, BadInput) as error:
             await end_processes(record)
             record.change_state(MissionState.FAILED, str(error))
             raise ServiceError(
@@ -124,6 +129,10 @@ class Processes:
             ) from error
         record.host = planner
         record.started_at = record.started_at or datetime.now(UTC)
+        if record.state is MissionState.ENDED:
+            # A mission can be so short that it is over before its start has been answered.
+            await end_processes(record)
+            return
         held = record.state is MissionState.HELD
         record.change_state(MissionState.HELD if held else MissionState.RUNNING)
 
@@ -157,7 +166,7 @@ class Processes:
             record.report(
                 EventKind.ALARM,
                 Severity.ALARM,
-                f"The {role} process has ended unexpectedly. Vehicles hold by themselves.",
+                f"The {_WORDS[role]} process has ended unexpectedly. Vehicles hold by themselves.",
                 role,
             )
 
@@ -173,6 +182,16 @@ def conflict(record: MissionRecord, what: str) -> ServiceError:
         f"Mission {record.id} is {record.state} and {what}.",
         HTTPStatus.CONFLICT,
         {"state": record.state.value},
+    )
+
+
+def another_flies(mission_id: str) -> ServiceError:
+    """Return the refusal of a mission while another one is live."""
+    return ServiceError(
+        "mission_live",
+        f"Mission {mission_id} is live; one server flies one mission at a time.",
+        HTTPStatus.CONFLICT,
+        {"live_mission": mission_id},
     )
 
 

@@ -8,7 +8,7 @@ import structlog
 
 from server.api import revival
 from server.api.errors import ServiceError
-from server.api.processes import Processes
+from server.api.processes import Processes, end_processes
 from server.api.record import MissionRecord
 from server.encoding import EventKind, MissionState, Severity
 from server.live.job import JobError
@@ -52,7 +52,8 @@ async def launch(record: MissionRecord, processes: Processes) -> None:
 async def bring_up(record: MissionRecord, processes: Processes, interrupted: Interrupted) -> bool:
     """Start a mission's processes where it was broken off, held; return whether it flies.
 
-    The caller holds `record.change`, and the record is live.
+    One that cannot be held does not fly at all, and is failed. The caller holds `record.change`,
+    and the record is live.
     """
     remains = record.remains
     if remains is None or not record.live:
@@ -64,11 +65,25 @@ async def bring_up(record: MissionRecord, processes: Processes, interrupted: Int
         world = revival.world_job(remains)
         record.definition = replace(record.definition, planner=planner, world=world)
         await processes.launch(record)
-        await processes.ask(record, "hold", {"author": AUTHOR})
+        if record.state is not MissionState.ENDED:
+            await processes.ask(record, "hold", {"author": AUTHOR})
     except (ServiceError, JobError) as error:
         log.error("mission not brought up", mission=record.id, why=str(error))
-        record.change_state(MissionState.FAILED, f"it could not be brought up: {error}")
+        await _give_up(record, str(error))
+        return False
+    except Exception as error:  # whatever the journal held, nobody waits for a mission without end
+        log.exception("mission not brought up", mission=record.id)
+        await _give_up(record, f"{type(error).__name__}: {error}")
+        return False
+    if record.state is MissionState.ENDED:  # its time was over at once
+        await end_processes(record)
         return False
     words = f"The {interrupted} was interrupted. The mission goes on, and all robots hold."
     record.report(EventKind.HOLD, Severity.WARNING, words, interrupted)
     return True
+
+
+async def _give_up(record: MissionRecord, why: str) -> None:
+    """Fail a mission; nothing of it flies on, unheld or beside its successor."""
+    await end_processes(record)
+    record.change_state(MissionState.FAILED, f"it could not be brought up: {why}")

@@ -17,7 +17,7 @@ from server.api.chronicle import Chronicle
 from server.api.errors import ServiceError
 from server.api.hindsight import Hindsight
 from server.api.models import CommentModel, LlmProfile, MissionInfo, MissionRequest, ScenarioInfo
-from server.api.processes import MakeHost, Processes, conflict, end_processes
+from server.api.processes import MakeHost, Processes, another_flies, conflict, end_processes
 from server.api.queueing import LockstepQueue, slots
 from server.api.record import MissionRecord
 from server.api.recovery import AfterCrash, Interrupted, bring_up, launch
@@ -64,7 +64,8 @@ class MissionService:
 
     async def __aenter__(self) -> Self:
         """Bring up what was broken off. Raises JournalUnavailable."""
-        self._journal.watch(self._on_journal)
+        self._journal.watch(lambda status: tell_of_journal(self._missions.values(), status))
+        await asyncio.to_thread(self._catalogue.scenarios)  # it reads them when first asked
         await self.shelf.load()
         self._count, found = await revival.revived(self._journal, self._catalogue.bus)
         for known in found:
@@ -89,7 +90,7 @@ class MissionService:
         for task in self._reviving:
             task.cancel()
         await asyncio.gather(*self._reviving, return_exceptions=True)
-        for record in self._missions.values():
+        for record in self.records():
             if record.live:
                 await self._processes.retire(record)
         await asyncio.gather(*(end_processes(record) for record in self._missions.values()))
@@ -218,7 +219,10 @@ class MissionService:
         return path
 
     def checked_scenario(self, scenario: str | dict[str, Any]) -> str | dict[str, Any]:
-        """Return a scenario that missions can be made from. Raises ServiceError 422."""
+        """Return a scenario that missions can be made from. It takes its time: ask in a thread.
+
+        Raises ServiceError 422.
+        """
         request = self.shelf.resolved(MissionRequest(scenario=scenario, llm="none"))
         self._catalogue.define(request)
         return request.scenario
@@ -231,7 +235,8 @@ class MissionService:
 
     async def create(self, request: MissionRequest, author: str) -> MissionInfo:
         """Check a request and keep it as a mission. Raises ServiceError 409, 422, 503."""
-        return await self.add(self._catalogue.define(self.shelf.resolved(request)), author)
+        resolved = self.shelf.resolved(request)
+        return await self.add(await asyncio.to_thread(self._catalogue.define, resolved), author)
 
     async def add(self, definition: Definition, author: str) -> MissionInfo:
         """Keep a definition as a mission that has not started. Raises ServiceError 409, 503."""
@@ -264,12 +269,7 @@ class MissionService:
                 return record.info()
             other = self.live_mission() if record.real else None
             if other is not None:
-                raise ServiceError(
-                    "mission_live",
-                    f"Mission {other.id} is live; one server flies one mission at a time.",
-                    HTTPStatus.CONFLICT,
-                    {"live_mission": other.id},
-                )
+                raise another_flies(other.id)
             await launch(record, self._processes)
             self.hindsight.keep_past(record, self._missions.values())
             self.chronicle.state(record.id, record.state.value, "started", author, record.time_s)
@@ -387,14 +387,13 @@ class MissionService:
         """Let a state outlast a crash from now on, where there is a journal."""
         await self.chronicle.final(record.id, state, record.reason, author, record.time_s)
 
-    def _on_journal(self, status: JournalStatus) -> None:
-        """Tell the live missions that the journal went away or came back."""
-        tell_of_journal(self._missions.values(), status)
-
     async def _bring_up(self, record: MissionRecord) -> None:
         """Fly a mission on that was broken off. It is held meanwhile, and after."""
         async with self._starting, record.change:
             flies = await bring_up(record, self._processes, Interrupted.SERVER)
         simulated = record.definition.world is not None
         if flies and simulated and self._after_crash is AfterCrash.RESUME_SIMULATED:
-            await self.resume(record.id, "auto_resume")
+            try:
+                await self.resume(record.id, "auto_resume")
+            except ServiceError as error:
+                log.warning("mission stays held", mission=record.id, why=str(error))

@@ -1,6 +1,8 @@
 """What the service keeps in its journal, and what happens when it cannot."""
 
 import shutil
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -8,11 +10,18 @@ import httpx
 import pytest
 from structlog.testing import capture_logs
 
+from server.api.catalogue import Definition
 from server.api.models import MissionRequest
-from server.encoding import EventKind, Severity
-from server.journal.entry import EntryKind
-from tests.server.api.serving import Stage, client_of
+from server.api.recovery import AfterCrash
+from server.api.service import MissionService
+from server.encoding import EventKind, MissionState, Severity
+from server.journal.database import DatabaseJournal
+from server.journal.entry import Entry, EntryKind, Sealed
+from server.journal.store import Store
+from server.live.channel import RequestTimeout
+from tests.server.api.serving import Stage, StagedService, client_of
 from tests.server.journal.keeping import address, full_disk, verified
+from tests.server.scripted import ScriptedCatalogue, ScriptedHost
 from tests.server.waiting import eventually
 
 API = "/api/v1"
@@ -170,3 +179,98 @@ async def test_after_an_orderly_end_nothing_goes_on() -> None:
         found = again.service.mission("m1")
         assert (found.state, found.reason) == ("ended", "the server was shut down")
         assert again.planners == []
+
+
+@dataclass
+class Deaf(ScriptedHost):
+    """Does not answer one kind of request."""
+
+    to: str = "hold"
+
+    async def request(
+        self, op: str, params: Mapping[str, Any] | None = None, *, timeout_s: float = 5.0
+    ) -> dict[str, Any]:
+        if op == self.to:
+            raise RequestTimeout(f"no answer to {op} within {timeout_s:g} s")
+        return await super().request(op, params, timeout_s=timeout_s)
+
+
+def deaf(stage: Stage, to: str) -> MissionService:
+    """Return a service on a stage's journal, which resumes missions whose planners are deaf."""
+
+    def planner(definition: Definition) -> ScriptedHost:
+        stage.planners.append(Deaf(definition, period_s=stage.period_s, to=to))
+        return stage.planners[-1]
+
+    journal = DatabaseJournal(Store(address(stage.folder)))
+    return StagedService(
+        ScriptedCatalogue(), planner, stage.world, journal, AfterCrash.RESUME_SIMULATED
+    )
+
+
+@pytest.mark.asyncio
+async def test_a_mission_that_cannot_be_held_after_a_crash_does_not_fly(tmp_path: Path) -> None:
+    stage = Stage()
+    async with stage.service:
+        await flying(stage)
+        after = crashed(stage, tmp_path / "crashed")
+    with capture_logs():
+        async with deaf(after, "hold") as service:
+            await eventually(lambda: service.mission("m1").state == "failed")
+            assert "could not be brought up" in service.mission("m1").reason
+            assert after.planners[0].state is MissionState.ENDED  # its process is gone
+            started = await service.start("m1", "operator")
+            assert started.state == "running"
+            assert [planner.state for planner in after.planners] == ["ended", "running"]
+
+
+@pytest.mark.asyncio
+async def test_a_mission_that_does_not_resume_by_itself_stays_held(tmp_path: Path) -> None:
+    stage = Stage()
+    async with stage.service:
+        await flying(stage)
+        after = crashed(stage, tmp_path / "crashed")
+    with capture_logs() as logs:
+        async with deaf(after, "resume") as service:
+            await eventually(lambda: any(line["event"] == "mission stays held" for line in logs))
+            assert service.mission("m1").state == "held"
+
+
+@pytest.mark.asyncio
+async def test_sessions_that_were_ended_are_read_to_the_last(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("server.api.chronicle.PAGE", 2)
+    stage = Stage()
+    async with stage.service as service:
+        for number in range(5):
+            service.chronicle.session("ada", {"did": "logout", "session": f"s{number}"})
+            service.chronicle.session("eve", {"did": "refused"})
+        await service.chronicle.journal.commit(Entry(EntryKind.SERVER))
+        assert await service.chronicle.ended_sessions() == ["s0", "s1", "s2", "s3", "s4"]
+
+
+@pytest.mark.asyncio
+async def test_a_start_reads_no_more_of_missions_long_over_than_that_they_are(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("server.api.revival.ENDED_KEPT", 2)
+    stage = Stage()
+    async with stage.service as service:
+        for number in range(1, 6):
+            await service.create(REQUEST, "operator")
+            if number > 1:
+                await service.stop(f"m{number}", "operator")
+    read: list[str] = []
+    again = Stage(folder=stage.folder)
+    journal = again.service.chronicle.journal
+    page = journal.page
+
+    async def noted(mission: str, kind: EntryKind, after: int, limit: int) -> list[Sealed]:
+        read.append(mission)
+        return await page(mission, kind, after, limit)
+
+    monkeypatch.setattr(journal, "page", noted)
+    async with again.service as service:
+        assert [mission.id for mission in service.missions()] == ["m1", "m4", "m5"]
+    assert set(read) == {"m1", "m4", "m5"}

@@ -1,14 +1,17 @@
 import asyncio
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Mapping
 from typing import Any
 
 import httpx
 import pytest
 import pytest_asyncio
 
+from server.api.catalogue import Definition
 from server.api.models import MAX_COMMENT_CHARACTERS
+from server.encoding import EventKind, MissionState, Severity
 from tests.patience import PATIENCE_S
 from tests.server.api.serving import Stage, client_of
+from tests.server.scripted import ScriptedHost
 
 API = "/api/v1"
 
@@ -191,6 +194,20 @@ async def test_a_process_that_dies_fails_the_mission_and_can_be_started_again(
 
 
 @pytest.mark.asyncio
+async def test_a_world_that_dies_is_an_alarm_in_plain_words(
+    client: httpx.AsyncClient, stage: Stage
+) -> None:
+    mission = await flying(client)
+    stage.worlds[0].crash()
+    path = f"/missions/{mission}/alarms"
+    told = await until(client, path, lambda page: bool(page["alarms"]))
+    (alarm,) = told["alarms"]
+    assert (alarm["id"], alarm["title"]) == ("world", "The simulated world has ended")
+    assert "simulated world process" in alarm["text"]
+    assert (await client.get(f"{API}/missions/{mission}")).json()["state"] == "running"
+
+
+@pytest.mark.asyncio
 async def test_a_start_that_fails_is_told_and_leaves_the_server_free(
     client: httpx.AsyncClient, stage: Stage
 ) -> None:
@@ -323,3 +340,45 @@ async def test_leaving_the_service_ends_every_process(stage: Stage) -> None:
         assert stage.planners[0].state == "running"
     assert stage.planners[0].state == "ended"
     assert stage.worlds[0].state == "ended"
+
+
+class Brief(ScriptedHost):
+    """Flies a mission that is over before its start has been answered."""
+
+    async def request(
+        self, op: str, params: Mapping[str, Any] | None = None, *, timeout_s: float = 5.0
+    ) -> dict[str, Any]:
+        answer = await super().request(op, params, timeout_s=timeout_s)
+        if op == "start":
+            figures = {"scenario": "scripted"}
+            self.event(EventKind.ENDED, Severity.INFO, "Its time is over.", result=figures)
+        return answer
+
+
+class BriefStage(Stage):
+    def planner(self, definition: Definition) -> ScriptedHost:
+        self.planners.append(Brief(definition, period_s=self.period_s))
+        return self.planners[-1]
+
+
+@pytest.mark.asyncio
+async def test_a_mission_that_is_over_before_its_start_is_answered_has_ended() -> None:
+    stage = BriefStage()
+    async with client_of(stage.app(), stage) as client:
+        mission = await created(client)
+        started = await client.post(f"{API}/missions/{mission}/start")
+        assert (started.json()["state"], started.json()["reason"]) == ("ended", "Its time is over.")
+        assert stage.planners[0].state is MissionState.ENDED  # its process is gone
+        result = await client.get(f"{API}/missions/{mission}/result")
+        assert result.json() == {"scenario": "scripted"}
+        assert (await client.delete(f"{API}/missions/{mission}")).status_code == 204
+
+
+@pytest.mark.asyncio
+async def test_no_process_takes_a_comment_with_a_nul(client: httpx.AsyncClient) -> None:
+    mission = await flying(client)
+    said = await client.post(f"{API}/missions/{mission}/comments", json={"text": "a\0b"})
+    assert "body.text" in refused(said, 422, "invalid_request")["message"]
+    asked = {"comments": [{"time_s": 1.0, "text": "a\0b"}]}
+    begun = await client.post(f"{API}/experiments", json=asked)
+    assert "text" in refused(begun, 422, "invalid_request")["message"]
