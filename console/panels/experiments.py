@@ -1,5 +1,6 @@
 """Campaigns over many seeds: how far they are, what they found, and for admins to begin and end."""
 
+import asyncio
 from typing import Any
 
 from nicegui import ui
@@ -84,9 +85,10 @@ class ExperimentsPanel(Panel):
             asked |= {"llm": llm} if kind == "runtime" else {"llms": [llm]}
 
         async def begin(service: MissionService, _: str, author: str) -> None:
-            campaign = _REQUEST.validate_python(asked).campaign(service)
+            request = _REQUEST.validate_python(asked)
+            campaign = await asyncio.to_thread(request.campaign, service)
             self.desk.note("begin experiment", **asked)
-            await self.desk.board.workshop.laboratory().begin(campaign, author)
+            self.desk.board.workshop.laboratory().begin(campaign, author)
 
         await self.desk.act(begin, Role.ADMIN)
 

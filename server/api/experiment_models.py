@@ -76,7 +76,7 @@ class AblationRequest(Body):
             arguments += ["--gate", self.gate.value]
         if self.trade_off:
             arguments += ["--trade-off"]
-        said = [f"{comment.time_s:g}:{comment.text}" for comment in self.comments]
+        said = [f"{comment.time_s!r}:{comment.text}" for comment in self.comments]
         arguments += _options("--comment", said)
         rows = ROWS_WITHOUT_MODEL + 2 * len(set(self.llms)) + TRADE_OFF_ROWS * self.trade_off
         scenario = service.checked_scenario(self.scenario)

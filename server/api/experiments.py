@@ -1,5 +1,6 @@
 """The routes of experiments, under /api/v1."""
 
+import asyncio
 from http import HTTPStatus
 from typing import Annotated, Any
 
@@ -46,7 +47,8 @@ async def begin_experiment(
     body: ExperimentRequest, request: Request, laboratory: Lab, author: Author
 ) -> ExperimentInfo:
     """Begin a campaign. One runs at a time; the others wait in order."""
-    made = await laboratory.begin(body.campaign(service_of(request)), author)
+    campaign = await asyncio.to_thread(body.campaign, service_of(request))
+    made = laboratory.begin(campaign, author)
     return ExperimentInfo(**_told(made))
 
 

@@ -30,6 +30,8 @@ COMMAND: Final = (sys.executable, "-m", "server.cli", "experiment")
 MAX_EXPERIMENTS: Final = 50
 GRACE_S: Final = 5.0
 LOOK_S: Final = 0.5
+"""Between two looks at how many runs are on disk."""
+
 LONGEST_ERROR: Final = 500
 NICENESS: Final = 10
 """The live mission goes first."""
@@ -77,14 +79,8 @@ class Experiment:
     state: Progress = Progress.QUEUED
     result: dict[str, Any] | None = None
     error: str = ""
-    task: asyncio.Task[None] | None = None
-
-    @property
-    def done(self) -> int:
-        """How many of its runs are on disk; a flight in real time is one run."""
-        if self.state is Progress.DONE:
-            return self.runs
-        return min(self.runs, sum(1 for _ in (self.folder / "runs").glob("*.json")))
+    done: int = 0
+    """How many of its runs are on disk; a flight in real time is one run."""
 
 
 class Laboratory:
@@ -94,6 +90,9 @@ class Laboratory:
         self._folder = folder
         self._command = tuple(command)
         self._known: dict[str, Experiment] = {}
+        self._tasks: dict[str, asyncio.Task[None]] = {}
+        """Those that conduct what is not over."""
+
         self._count = 0
         self._bench = asyncio.Semaphore(1)
 
@@ -112,8 +111,11 @@ class Laboratory:
             )
         return found
 
-    async def begin(self, campaign: Campaign, author: str) -> Experiment:
-        """Let an experiment wait for its turn. Raises ServiceError 409."""
+    def begin(self, campaign: Campaign, author: str) -> Experiment:
+        """Let an experiment wait for its turn; what becomes of it, its state tells.
+
+        Raises ServiceError 409.
+        """
         if len(self._known) >= MAX_EXPERIMENTS:
             over = next((e for e in self._known.values() if e.state in _OVER), None)
             if over is None:
@@ -130,62 +132,96 @@ class Laboratory:
         folder = self._folder / f"{kind}-{stamp}-{name}"
         made = Experiment(name, kind, campaign.arguments, campaign.runs, author, folder)
         self._known[name] = made
-        if campaign.scenario is not None:
-            chosen = await asyncio.to_thread(_scenario_file, folder, campaign.scenario)
-            made.arguments = (*campaign.arguments, "--scenario", chosen)
-        made.task = asyncio.create_task(self._conduct(made), name=f"experiment {name}")
+        conducting = self._conduct(made, campaign.scenario)
+        task = self._tasks[name] = asyncio.create_task(conducting, name=f"experiment {name}")
+        task.add_done_callback(lambda _: self._tasks.pop(name, None))
         log.info("experiment begun", experiment=name, author=author, runs=made.runs)
         return made
 
     async def stop(self, experiment_id: str) -> Experiment:
         """End an experiment; one that is over stays as it is. Raises ServiceError 404."""
         found = self.one(experiment_id)
-        if found.state not in _OVER and found.task is not None:
-            found.task.cancel()
-            await asyncio.gather(found.task, return_exceptions=True)
+        task = self._tasks.get(experiment_id)
+        if task is not None:
+            task.cancel()
+            await asyncio.wait({task})
+        if found.state not in _OVER:
             found.state = Progress.STOPPED
         return found
 
     async def close(self) -> None:
-        """End all of them."""
+        """End all of them; none of those that wait is begun meanwhile."""
+        for task in self._tasks.values():
+            task.cancel()
         for found in self.all():
             await self.stop(found.id)
 
-    async def _conduct(self, made: Experiment) -> None:
-        async with self._bench:
-            made.state = Progress.RUNNING
-            process = await asyncio.create_subprocess_exec(
-                *(*self._command, made.kind, *made.arguments),
-                *("--out", str(made.folder), "--json"),
-                stdin=asyncio.subprocess.DEVNULL,
-                stdout=asyncio.subprocess.PIPE,
-                stderr=asyncio.subprocess.PIPE,
-                start_new_session=True,
-                env=_environment(),
-            )
-            with contextlib.suppress(ProcessLookupError):
-                os.setpriority(os.PRIO_PROCESS, process.pid, NICENESS)
-            try:
-                printed, said = await process.communicate()
-            finally:
-                if process.returncode is None:
-                    with contextlib.suppress(ProcessLookupError):
-                        process.terminate()
-                    await end_process(process, GRACE_S)
-        self._finish(made, process.returncode or 0, printed, said)
-
-    def _finish(self, made: Experiment, code: int, printed: bytes, said: bytes) -> None:
+    async def _conduct(self, made: Experiment, scenario: str | dict[str, Any] | None) -> None:
+        """Let an experiment have its turn; whatever ends it, its state says so."""
         try:
-            made.result = json.loads(printed)
-        except ValueError:
-            made.result = None
-        if made.result is not None and code == 0:
-            made.state = Progress.DONE
-            return
-        made.state = Progress.FAILED
-        words = said.decode("utf-8", "replace").strip().splitlines() or [f"exit code {code}"]
-        made.error = words[-1].removeprefix("falconer: ")[:LONGEST_ERROR]
-        log.warning("experiment failed", experiment=made.id, why=made.error)
+            async with self._bench:
+                made.state = Progress.RUNNING
+                if scenario is not None:
+                    chosen = await asyncio.to_thread(_scenario_file, made.folder, scenario)
+                    made.arguments = (*made.arguments, "--scenario", chosen)
+                code, printed, said = await self._run(made)
+        except (OSError, ValueError) as error:  # the disk, or an argument that no process takes
+            _fail(made, str(error))
+        else:
+            _finish(made, code, printed, said)
+
+    async def _run(self, made: Experiment) -> tuple[int, bytes, bytes]:
+        """Run the command to its end; return its exit code and what it printed and said."""
+        process = await asyncio.create_subprocess_exec(
+            *(*self._command, made.kind, *made.arguments),
+            *("--out", str(made.folder), "--json"),
+            stdin=asyncio.subprocess.DEVNULL,
+            stdout=asyncio.subprocess.PIPE,
+            stderr=asyncio.subprocess.PIPE,
+            start_new_session=True,
+            env=_environment(),
+        )
+        with contextlib.suppress(ProcessLookupError):
+            os.setpriority(os.PRIO_PROCESS, process.pid, NICENESS)
+        counting = asyncio.create_task(_count_runs(made))
+        try:
+            printed, said = await process.communicate()
+            made.done = await asyncio.to_thread(_runs_in, made)
+        finally:
+            counting.cancel()
+            if process.returncode is None:
+                with contextlib.suppress(ProcessLookupError):
+                    process.terminate()
+                await end_process(process, GRACE_S)
+        return process.returncode or 0, printed, said
+
+
+def _finish(made: Experiment, code: int, printed: bytes, said: bytes) -> None:
+    try:
+        made.result = json.loads(printed)
+    except ValueError:
+        made.result = None
+    if made.result is not None and code == 0:
+        made.state, made.done = Progress.DONE, made.runs
+        return
+    words = said.decode("utf-8", "replace").strip().splitlines() or [f"exit code {code}"]
+    _fail(made, words[-1].removeprefix("falconer: "))
+
+
+def _fail(made: Experiment, why: str) -> None:
+    made.state, made.error = Progress.FAILED, why[:LONGEST_ERROR]
+    log.warning("experiment failed", experiment=made.id, why=made.error)
+
+
+async def _count_runs(made: Experiment) -> None:
+    """Count the runs on disk until cancelled."""
+    while True:
+        made.done = await asyncio.to_thread(_runs_in, made)
+        await asyncio.sleep(LOOK_S)
+
+
+def _runs_in(made: Experiment) -> int:
+    return min(made.runs, sum(1 for _ in (made.folder / "runs").glob("*.json")))
 
 
 def _environment() -> dict[str, str]:
