@@ -1,5 +1,6 @@
 """Scenarios that were uploaded: checked, and kept in the journal."""
 
+import asyncio
 from collections.abc import Mapping
 from http import HTTPStatus
 from typing import Any, Final
@@ -22,6 +23,7 @@ class ScenarioShelf:
         self._journal = journal
         self._kept: dict[str, dict[str, Any]] = {}
         self._infos: dict[str, ScenarioInfo] = {}
+        self._changing = asyncio.Lock()
 
     async def load(self) -> None:
         """Read what was uploaded before. Raises JournalUnavailable."""
@@ -55,11 +57,26 @@ class ScenarioShelf:
 
     async def add(self, scenario: Mapping[str, Any], author: str) -> ScenarioInfo:
         """Check a scenario and keep it. Raises ServiceError 409, 422, 503."""
-        info = self._catalogue.describe(dict(scenario))
-        if info.name in {known.name for known in self._catalogue.scenarios()} | set(self._kept):
+        info = await asyncio.to_thread(self._catalogue.describe, dict(scenario))
+        async with self._changing:
+            self._check_room(info.name)
+            await self._write({"name": info.name, "scenario": dict(scenario)}, author)
+            self._take(info, dict(scenario))
+        return info
+
+    async def remove(self, name: str, author: str) -> None:
+        """Forget an uploaded scenario. Raises ServiceError 404, 503."""
+        async with self._changing:
+            self.one(name)
+            await self._write({"name": name}, author)
+            self._drop(name)
+
+    def _check_room(self, name: str) -> None:
+        """Raise ServiceError 409 when a name is taken, or there is no room for another."""
+        if name in {known.name for known in self._catalogue.scenarios()} | set(self._kept):
             raise ServiceError(
                 "scenario_exists",
-                f"There is a scenario {info.name} already; give this one another name.",
+                f"There is a scenario {name} already; give this one another name.",
                 HTTPStatus.CONFLICT,
             )
         if len(self._kept) >= MAX_SCENARIOS:
@@ -68,15 +85,6 @@ class ScenarioShelf:
                 f"{MAX_SCENARIOS} scenarios are kept already; delete one first.",
                 HTTPStatus.CONFLICT,
             )
-        await self._write({"name": info.name, "scenario": dict(scenario)}, author)
-        self._take(info, dict(scenario))
-        return info
-
-    async def remove(self, name: str, author: str) -> None:
-        """Forget an uploaded scenario. Raises ServiceError 404, 503."""
-        self.one(name)
-        await self._write({"name": name}, author)
-        self._drop(name)
 
     async def _write(self, body: dict[str, Any], author: str) -> None:
         try:

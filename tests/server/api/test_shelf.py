@@ -1,5 +1,6 @@
 """Scenarios that are uploaded: checked, listed, flown, kept over a restart."""
 
+import asyncio
 from typing import Any
 
 import httpx
@@ -58,6 +59,15 @@ async def test_an_uploaded_scenario_is_listed_flown_kept_and_removed() -> None:
         assert "my-own" not in await names(client)
         assert [m["id"] for m in (await client.get(f"{API}/missions?after=0")).json()] == ["m1"]
         assert (await client.get(f"{API}/missions?after=1")).json() == []
+
+
+@pytest.mark.asyncio
+async def test_of_two_uploads_at_once_under_one_name_one_is_kept() -> None:
+    stage = staged(Stage())
+    async with client_of(stage.app(), stage) as client:
+        url, body = f"{API}/scenarios", {"scenario": scenario()}
+        answers = await asyncio.gather(*(client.post(url, json=body) for _ in range(3)))
+        assert sorted(answer.status_code for answer in answers) == [201, 409, 409]
 
 
 @pytest.mark.asyncio
