@@ -11,6 +11,7 @@ from typing import Any, Final
 from server.encoding import MissionState, number
 from server.live.channel import Json, RequestRefused, frame
 from server.live.outbox import Frame
+from server.recording.errors import RecordingError
 from server.recording.reader import Recording
 
 PICTURE_S: Final = 0.1
@@ -95,7 +96,10 @@ class ReplayHost:
 
     async def _result(self, op: str) -> Json:
         """Return the recorded mission's figures."""
-        events = await asyncio.to_thread(lambda: list(self._recording.events()))
+        try:
+            events = await asyncio.to_thread(lambda: list(self._recording.events()))
+        except RecordingError as error:
+            raise RequestRefused("no_result", f"{error}.") from error
         ended = [event["data"].get("result") for event in events if event["kind"] == "ended"]
         if op == "stop":
             return {"result": ended[-1] if ended else None}

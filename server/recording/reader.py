@@ -56,7 +56,10 @@ class _Contents:
 
 
 class Recording:
-    """A recording on disk. Made by `open_recording`."""
+    """A recording on disk. Made by `open_recording`.
+
+    Whatever reads raises RecordingError where the file is damaged, or is there no longer.
+    """
 
     def __init__(self, path: Path, contents: _Contents, header: Header) -> None:
         self.path = path
@@ -139,17 +142,20 @@ class Recording:
                     yield message
 
     def _unpacked(self, part: _Part, topic: str) -> Iterator[Message]:
-        with self.path.open("rb") as file:
-            file.seek(part.offset)
-            reader = StreamReader(file, skip_magic=True, emit_chunks=True)
-            chunk = next(iter(reader.records))
-        if not isinstance(chunk, Chunk):
-            raise RecordingError(f"{self.path}: the file changed while it was read")
         try:
+            with self.path.open("rb") as file:
+                file.seek(part.offset)
+                reader = StreamReader(file, skip_magic=True, emit_chunks=True)
+                chunk = next(iter(reader.records), None)
+            if not isinstance(chunk, Chunk):
+                raise RecordingError(f"{self.path}: the file changed while it was read")
             records = breakup_chunk(chunk, validate_crc=True)
+        except OSError as error:
+            raise RecordingError(f"{self.path}: {error.strerror or error}") from None
         except _DAMAGE as error:
             raise RecordingError(
-                f"{self.path}: it is damaged at {part.start_ns / NANOSECONDS:g} s: {error}"
+                f"{self.path}: it is damaged at {part.start_ns / NANOSECONDS:g} s:"
+                f" {str(error) or 'it ends too soon'}"
             ) from None
         for record in records:
             if isinstance(record, Message) and self._channels.get(record.channel_id) == topic:

@@ -10,8 +10,7 @@ from server.recording.errors import RecordingError
 from server.recording.header import header_summary
 from server.recording.reader import Recording, open_recording
 
-NAME: Final = re.compile(r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,120}\.mcap$")
-
+NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,120}\.mcap")
 
 Info = dict[str, Any]
 
@@ -38,17 +37,17 @@ class Shelf:
         """
         if not self.folder.is_dir():
             return {}
-        found = [path for path in self.folder.iterdir() if NAME.match(path.name)]
-        stamps = {_stamp(path): path for path in found}
+        found = [path for path in self.folder.iterdir() if NAME.fullmatch(path.name)]
+        stamps = {stamp: path for path in found if (stamp := _stamp(path)) is not None}
         known = known or {}
         return {
-            stamp: known[stamp] if stamp in known else _info(stamps[stamp])
+            stamp: known[stamp] if stamp in known else _info(stamps[stamp], stamp)
             for stamp in sorted(stamps, key=lambda stamp: stamp.changed_ns, reverse=True)
         }
 
     def open(self, name: str) -> Recording:
         """Open a recording by name. Raises RecordingError."""
-        if not NAME.match(name):
+        if not NAME.fullmatch(name):
             raise RecordingError(f"{name[:60]!r} is no name of a recording")
         return open_recording(self.folder / name)
 
@@ -62,13 +61,17 @@ def free_path(path: Path) -> Path:
     return free
 
 
-def _stamp(path: Path) -> Stamp:
-    known = path.stat()
+def _stamp(path: Path) -> Stamp | None:
+    """Return a file as it is, None for one that was removed a moment ago."""
+    try:
+        known = path.stat()
+    except FileNotFoundError:
+        return None
     return Stamp(path.name, known.st_size, known.st_mtime_ns)
 
 
-def _info(path: Path) -> Info:
-    size = path.stat().st_size
+def _info(path: Path, stamp: Stamp) -> Info:
+    size = stamp.size_bytes
     try:
         recording = open_recording(path)
     except RecordingError as error:

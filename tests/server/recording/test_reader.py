@@ -1,4 +1,5 @@
 import random
+import shutil
 from pathlib import Path
 
 import pytest
@@ -140,3 +141,18 @@ def test_an_entry_of_another_kind_is_told(guided: Flight, tmp_path: Path) -> Non
         writer.finish()  # type: ignore[no-untyped-call]
     with pytest.raises(RecordingError, match="tape cannot be read at 0 s"):
         list(open_recording(path).entries())
+
+
+def test_a_file_that_is_removed_while_it_is_read_is_told(guided: Flight, tmp_path: Path) -> None:
+    path = tmp_path / "flight.mcap"
+    shutil.copy(guided[0], path)
+    recording = open_recording(path)
+    path.unlink()
+    for read in (recording.snapshots, recording.events, recording.entries):
+        with pytest.raises(RecordingError, match="No such file"):
+            next(read())
+    with pytest.raises(RecordingError, match="No such file"):
+        recording.snapshot_at(1.0)
+    path.write_bytes(guided[0].read_bytes()[:100])
+    with pytest.raises(RecordingError, match="ends too soon"):
+        next(recording.snapshots())

@@ -29,7 +29,7 @@ def test_a_folder_that_is_not_there_holds_nothing(tmp_path: Path) -> None:
     assert Shelf(tmp_path / "nowhere").recordings() == {}
 
 
-@pytest.mark.parametrize("name", ["../x.mcap", ".x.mcap", "x", "x.mcap/../y.mcap", ""])
+@pytest.mark.parametrize("name", ["../x.mcap", ".x.mcap", "x", "x.mcap/../y.mcap", "", "x.mcap\n"])
 def test_names_do_not_lead_out(tmp_path: Path, name: str) -> None:
     with pytest.raises(RecordingError, match="no name"):
         Shelf(tmp_path).open(name)
@@ -40,3 +40,9 @@ def test_a_taken_name_gets_a_number(tmp_path: Path) -> None:
     assert free_path(path) == path
     path.touch()
     assert free_path(path).name == "flight-2.mcap"
+
+
+def test_a_file_that_has_just_been_removed_is_not_listed(guided: Flight, tmp_path: Path) -> None:
+    shutil.copy(guided[0], tmp_path / "here.mcap")
+    (tmp_path / "gone.mcap").symlink_to(tmp_path / "nowhere")
+    assert [info["name"] for info in Shelf(tmp_path).recordings().values()] == ["here.mcap"]
