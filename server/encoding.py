@@ -381,6 +381,7 @@ def _loop(report: LoopReport) -> Json:
         "success_rate": number(report.success_rate, 3),
         "adopted_rate": number(report.adopted_rate, 3),
         "age_s": number(report.age_s, 1),
+        "waits_for_person": report.waits_for_person,
         "calls": report.calls,
         "missed": report.missed,
     }

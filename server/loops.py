@@ -86,6 +86,9 @@ class LoopReport:
     """Share of decided calls whose answer went into force; None before the first, and for the
     optimizer, whose plans nobody decides about."""
 
+    waits_for_person: bool = False
+    """Whether its newest answer waits for a person: until then it asks for no other."""
+
 
 class LoopMeter:
     """Counts one loop's calls; rate and mean over a sliding window."""

@@ -17,6 +17,8 @@ PERIODS_S = {"optimizer": 0.1, "task_llm": 20.0, "action_llm": 5.0}
 
 GOOD_SUCCESS = 0.8
 
+LEVEL_WORDS = {"ok": "normal", "warn": "low success", "alarm": "stale", "idle": "idle"}
+
 GUIDANCE_WORDS = {
     "model": "Model guidance",
     "last_valid": "Last valid guidance",
@@ -89,9 +91,14 @@ def mission_clock(snapshot: Json, silent_s: float) -> str:
 
 
 def loop_level(name: str, loop: Json) -> str:
-    """Return ok, warn or alarm for one loop's lamp; idle before its first call."""
+    """Return ok, warn or alarm for one loop's lamp; idle before its first call.
+
+    One that waits for a person is not stale, however old its last answer is; it wants a look.
+    """
     if not loop["calls"]:
         return "idle"
+    if _waits(loop):
+        return "warn"
     # A scenario may let a model rest for longer, and a slow model rests as long as it takes.
     period_s = max(PERIODS_S[name], 1.0 / loop["rate_hz"] if loop["rate_hz"] else 0.0)
     age_s = loop["age_s"]
@@ -99,6 +106,11 @@ def loop_level(name: str, loop: Json) -> str:
         return "alarm"
     low = loop["success_rate"] is not None and loop["success_rate"] < GOOD_SUCCESS
     return "warn" if low else "ok"
+
+
+def _waits(loop: Json) -> bool:
+    """Tell whether a loop waits for an approval. Recordings of earlier versions do not tell it."""
+    return bool(loop.get("waits_for_person", False))
 
 
 def lamps(snapshot: Json, silent_s: float = 0.0) -> str:
@@ -120,9 +132,11 @@ def lamps(snapshot: Json, silent_s: float = 0.0) -> str:
             figure = "–" if rate is None else f"{rate:.1f} Hz"
         else:
             figure = "no answer yet" if loop["age_s"] is None else f"{loop['age_s']:.0f} s ago"
+        if _waits(loop):
+            figure = "waits for a person"
         success = loop["success_rate"]
         share = "" if success is None else f" · {100 * success:.0f} %"
-        words = {"ok": "normal", "warn": "low success", "alarm": "stale", "idle": "idle"}[level]
+        words = "waits for a person" if _waits(loop) else LEVEL_WORDS[level]
         hint = f"{title}: {words}; {loop['calls']} calls, {loop['missed']} missed"
         # Recordings of earlier versions do not tell it.
         if (adopted := loop.get("adopted_rate")) is not None:

@@ -16,6 +16,7 @@ from llm.consultation import Accepted, Consultation, GivenUp, Outcome, Retry
 from server.advice import Ask, tally_outcome
 from server.exact import ExactSolver
 from server.gate.decisions import Decision
+from server.gate.decisions import Loop as CardLoop
 from server.loops import LoopClock, LoopMeter
 from server.result import LoopTally
 from solver.directives import Proposal
@@ -61,6 +62,8 @@ class AdviceLoop(Protocol):
 
     meter: LoopMeter
     tally: LoopTally
+    voice: CardLoop
+    """Under whose name its proposals come before the gate."""
 
     def wake(self) -> None:
         """Ask for advice soon."""
@@ -74,7 +77,8 @@ class AdviceLoop(Protocol):
 class _PacedLoop(ABC):
     """What every loop that advises does between its turns. Satisfies `AdviceLoop`."""
 
-    def __init__(self, pace: Pace) -> None:
+    def __init__(self, pace: Pace, voice: CardLoop) -> None:
+        self.voice = voice
         self.meter = LoopMeter(window=20)
         self.tally = LoopTally()
         self._pace = pace
@@ -105,7 +109,7 @@ class SolverLoop(_PacedLoop):
         snapshot: Callable[[], Snapshot],
         propose: Propose,
     ) -> None:
-        super().__init__(pace)
+        super().__init__(pace, CardLoop.SOLVER)
         self._solver = solver
         self._snapshot = snapshot
         self._propose = propose
@@ -142,6 +146,7 @@ class ModelLoop(_PacedLoop):
     def __init__(
         self,
         pace: Pace,
+        voice: CardLoop,
         model: LanguageModel,
         timeout_s: float,
         consult: Callable[[], Ask],
@@ -149,7 +154,7 @@ class ModelLoop(_PacedLoop):
         decide: Decide,
         tell: Tell,
     ) -> None:
-        super().__init__(pace)
+        super().__init__(pace, voice)
         self._model = model
         self._timeout_s = timeout_s
         self._consult = consult

@@ -7,10 +7,12 @@ next tick begins; while mission time stands still, at once.
 import asyncio
 from collections import deque
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Final
 
 from llm.consultation import Accepted, Consultation, GivenUp
 from server.gate.decisions import Decision, Status
+from server.gate.decisions import Loop as CardLoop
 from server.gate.encoding import with_decisions
 from server.gate.keeper import Gatekeeper
 from server.live.channel import Json, RequestRefused
@@ -22,6 +24,15 @@ from solver.snapshot import Snapshot
 
 PEOPLE_PATIENCE_S: Final = 1.0
 """Longest a person waits for the predicted price of an override."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Pending:
+    """A decision that waits for a person."""
+
+    loop: CardLoop
+    answer: asyncio.Future[Decision]
+    """Of who proposed it."""
 
 
 class LiveCouncil:
@@ -44,7 +55,7 @@ class LiveCouncil:
         self._wake = wake
         self._note = note
         self._waiting: deque[tuple[Callable[[], Decision], asyncio.Future[Decision]]] = deque()
-        self._pending: dict[str, asyncio.Future[Decision]] = {}
+        self._pending: dict[str, _Pending] = {}
         """Decisions that wait for a person, and those who wait for them."""
 
         self._since_s = 0.0 if setup.start is None else setup.start.time_s
@@ -73,7 +84,7 @@ class LiveCouncil:
         if card.status is not Status.PENDING:
             return card
         decided: asyncio.Future[Decision] = asyncio.get_running_loop().create_future()
-        self._pending[card.id] = decided
+        self._pending[card.id] = _Pending(card.loop, decided)
         try:
             return await decided
         finally:
@@ -87,6 +98,10 @@ class LiveCouncil:
         return await self._between_ticks(
             lambda: self._keeper.approve(decision_id, approve=approve, by=by)
         )
+
+    def waits_for_person(self, loop: CardLoop) -> bool:
+        """Tell whether a decision of a loop waits for a person, and the loop for it."""
+        return any(pending.loop is loop for pending in self._pending.values())
 
     def settle_waiting(self) -> None:
         """Decide what waits for it. Never while a tick is being solved."""
@@ -159,8 +174,9 @@ class LiveCouncil:
             self._note(card)
             self._herald.decision(card, self._keeper.exchange(card.id))
             waiting = self._pending.get(card.id)
-            if waiting is not None and card.status is not Status.PENDING and not waiting.done():
-                waiting.set_result(card)
+            if waiting is None or card.status is Status.PENDING or waiting.answer.done():
+                continue
+            waiting.answer.set_result(card)
 
 
 def _ended() -> RequestRefused:

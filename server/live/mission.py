@@ -18,7 +18,7 @@ from server.advice import Advisors
 from server.encoding import EventKind, MissionState, Severity, comment_object
 from server.exact import ExactSolver
 from server.gate.decisions import Decision
-from server.live.advisers import advice_loops
+from server.live.advisers import advice_loops, loop_reports
 from server.live.channel import Json, RequestRefused
 from server.live.consulting import AdviceLoop
 from server.live.council import LiveCouncil
@@ -373,8 +373,7 @@ class LiveMission:
     def _show(self, truth: Truth | None) -> None:
         now_s = self._now()
         reports = {"optimizer": self._meter.report(now_s)}
-        for loop, driver in self._loops.items():
-            reports[f"{loop.value}_llm"] = driver.meter.report(now_s)
+        reports |= loop_reports(self._loops, self._council, now_s)
         self._herald.show(self._core.snapshot, self.state, reports, self._figures.hits(), truth)
 
     def _become(self, state: MissionState) -> None:

@@ -152,7 +152,7 @@ def test_loops_without_a_call_have_no_rate() -> None:
     said = message(loops={"task_llm": LoopReport(0, 0, None, None, None, None)})["loops"]
     assert said == {
         "task_llm": {"rate_hz": None, "mean_s": None, "success_rate": None, "age_s": None,
-                     "adopted_rate": None,
+                     "adopted_rate": None, "waits_for_person": False,
                      "calls": 0, "missed": 0}
     }  # fmt: skip
 

@@ -19,6 +19,8 @@ from tests.console.reading import words
         ("task_llm", {"age_s": 61.0, "rate_hz": None}, "alarm"),
         ("task_llm", {"age_s": None}, "alarm"),
         ("task_llm", {"success_rate": 0.5}, "warn"),
+        ("action_llm", {"age_s": 29.0, "waits_for_person": True}, "warn"),
+        ("action_llm", {"age_s": 29.0, "waits_for_person": False}, "alarm"),
         ("optimizer", {"age_s": 0.0}, "ok"),
         ("optimizer", {"age_s": 4.0}, "alarm"),
     ],
@@ -55,3 +57,11 @@ def test_a_silent_planner_has_no_lamp_that_passes_for_well() -> None:
     assert re.findall('class="lamp (\\w+)"', told) == ["alarm", "idle", "idle"]
     assert "stale" in bar.mission_clock(message(), 7.2)
     assert bar.mission_clock(message(), 0.3) == words(bar.mission_clock(message(), 7.2)) == "0:30.0"
+
+
+def test_a_lamp_says_that_its_loop_waits_for_a_person_and_not_that_it_is_stale() -> None:
+    snapshot = message()
+    snapshot["loops"]["action_llm"] |= {"age_s": 29.0, "waits_for_person": True}
+    told = bar.lamps(snapshot)
+    assert "Action model waits for a person · 80 %" in words(told)
+    assert "stale" not in told

@@ -51,6 +51,7 @@ async def test_an_answer_counts_as_valid_while_a_person_thinks_about_it() -> Non
     now = asyncio.get_running_loop().time
     loop = ModelLoop(
         Pace(LoopClock(60.0, now()), now),
+        Loop.TASK,
         Sound(),
         8.0,
         lambda: lambda: consult_task(PromptView(snapshot, LIMITS), "t1"),
@@ -91,6 +92,7 @@ async def test_words_are_made_and_read_beside_the_event_loop() -> None:
     now = asyncio.get_running_loop().time
     loop = ModelLoop(
         Pace(LoopClock(60.0, now()), now),
+        Loop.TASK,
         Sound(),
         8.0,
         lambda: ask,

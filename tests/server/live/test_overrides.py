@@ -232,11 +232,15 @@ def test_a_decision_that_waits_is_approved_or_refused_by_a_person() -> None:
         async with mock_model() as model, flight(model, setup=setup) as f:
             f.mission.comment("The drone 21 should focus on tracking target 122", "ada", "c1")
             card = await pending(f, after=())
+            await f.until(f.core.snapshot.time_s + 0.3)
+            assert f"{card['loop']}_llm" in waiting_loops(f)
             before = f.core.core.directives
             answer = await f.mission.override("approval", asked(card, approve=False), "ada")
             assert answer["decision"]["refused_by"] == "person"
             assert answer["decision"]["approval"]["by"] == "ada"
             assert f.core.core.directives == before
+            await f.until(f.core.snapshot.time_s + 0.3)
+            assert f"{card['loop']}_llm" not in waiting_loops(f)
             other = await pending(f, after=(card["id"],))
             answer = await f.mission.override("approval", asked(other, approve=True), "ada")
             assert answer["decision"]["status"] == "adopted"
@@ -281,6 +285,11 @@ async def pending(f: Flight, after: tuple[str, ...]) -> dict[str, Any]:
 
     await eventually(lambda: bool(waiting()), within_s=200.0)
     return waiting()[0]
+
+
+def waiting_loops(f: Flight) -> list[str]:
+    """Return the loops that say that they wait for a person."""
+    return [name for name, loop in f.snapshots[-1]["loops"].items() if loop["waits_for_person"]]
 
 
 def asked(card: dict[str, Any], *, approve: bool) -> dict[str, Any]:
