@@ -8,6 +8,7 @@ the least distance, and nothing leaves that is not finite and inside its limits.
 import logging
 import math
 import time
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -20,6 +21,9 @@ from solver.repair import FAR_M, control_limits, is_solvable, plannable, repaire
 from solver.separation import separated
 
 _log = logging.getLogger(__name__)
+
+_Ask = Callable[[Problem], Solution | None]
+"""Asks an engine about a sound problem; None where it has no answer."""
 
 
 class Planner:
@@ -34,17 +38,25 @@ class Planner:
         Robots whose position (or velocity, if it matters) is not a number are left out of the
         planning and told to stand still; their predicted positions mean nothing.
         """
+        return self._walked(problem, lambda sound: self._answer(sound, budget))
+
+    def carry_on(self, problem: Problem) -> Solution:
+        """Return what `solve` does where its engine has no answer: the last plan, or a brake."""
+        return self._walked(problem, lambda _: None)
+
+    def _walked(self, problem: Problem, ask: _Ask) -> Solution:
+        """Walk down the ladder from what the engine says, for robots that can be planned for."""
         began = time.thread_time()
         with np.errstate(all="ignore"):
             if not is_solvable(problem):
                 return self._still(problem, began)
             usable = plannable(problem)
             if usable.all():
-                return self._planned(repaired(problem), budget, began)
+                return self._planned(repaired(problem), ask, began)
             rest = self._still(problem, began)
             if not usable.any():
                 return rest
-            part = self._planned(repaired(subset(problem, usable)), budget, began)
+            part = self._planned(repaired(subset(problem, usable)), ask, began)
             return replace(
                 part,
                 robot_ids=problem.robot_ids,
@@ -53,10 +65,10 @@ class Planner:
                 velocities=_merged(rest.velocities, usable, part.velocities),
             )
 
-    def _planned(self, problem: Problem, budget: Budget, began: float) -> Solution:
+    def _planned(self, problem: Problem, ask: _Ask, began: float) -> Solution:
         """Walk down the ladder for a sound problem, then filter."""
         lower, upper = control_box(problem)
-        answer = self._answer(problem, budget)
+        answer = ask(problem)
         if answer is not None:
             rung, controls = answer.rung, np.clip(answer.controls, lower, upper)
         elif problem.previous is not None:

@@ -17,7 +17,7 @@ from server.live.threads import WorkThread
 from server.mission.tape import Committed, LatePlan
 from solver.arrays import frozen
 from solver.planner import Planner
-from solver.problem import Budget, EngineFailed, Problem, Rung, Solution
+from solver.problem import Budget, Problem, Rung, Solution
 
 log = structlog.get_logger(__name__)
 
@@ -30,30 +30,19 @@ class Solver(Protocol):
         ...
 
 
-class AbsentEngine:
-    """The engine that is not there: the planner falls back to the last plan, or brakes."""
-
-    name = "absent"
-
-    def solve(self, problem: Problem, budget: Budget) -> Solution:
-        """Raise EngineFailed."""
-        raise EngineFailed("no answer in time")
-
-
 class Resolver:
     """Solves the ticks of a tape the way they were solved live (`server.mission.tape.replay`)."""
 
     def __init__(self, planner: Planner, iterations: int) -> None:
         self._planner = planner
         self._iterations = iterations
-        self._fallback = Planner(AbsentEngine())
 
     def __call__(self, problem: Problem, recorded: Committed) -> Solution:
         """Solve again; take the plan that wall time cut short; fall back where there was none."""
         if recorded.plan is not None:
             return _cut_short(problem, recorded, recorded.plan)
         if recorded.rung in (Rung.SHIFTED, Rung.BRAKE) and recorded.iterations == 0:
-            return self._fallback.solve(problem, Budget(iterations=0))
+            return self._planner.carry_on(problem)
         return self._planner.solve(problem, Budget(iterations=self._iterations))
 
 
@@ -92,7 +81,6 @@ class SolveThread:
 
     def __init__(self, planner: Planner) -> None:
         self._planner = planner
-        self._fallback = Planner(AbsentEngine())
         self._thread = WorkThread("solve")
         self._busy = False
         self.stuck = 0
@@ -106,9 +94,9 @@ class SolveThread:
         self._thread.__exit__(*exception)
 
     async def solve(self, problem: Problem, budget: Budget, patience_s: float) -> Solution:
-        """Return the planner's solution, or the fallback's after `patience_s`. Never raises."""
+        """Return the planner's solution, or its last plan after `patience_s`. Never raises."""
         if self._busy:
-            return self._fallback.solve(problem, budget)
+            return self._planner.carry_on(problem)
         answer: asyncio.Future[Solution] = asyncio.get_running_loop().create_future()
 
         def deliver(solution: Solution) -> None:
@@ -125,4 +113,4 @@ class SolveThread:
             self.stuck += 1
             words = "a plan was not ready in time; the last one is flown on"
             log.warning(words, patience_s=round(patience_s, 3), times=self.stuck)
-            return self._fallback.solve(problem, budget)
+            return self._planner.carry_on(problem)

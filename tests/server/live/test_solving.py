@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from server.live.solving import AbsentEngine, Resolver, SolveThread, timed
+from server.live.solving import Resolver, SolveThread, timed
 from server.mission.core import MissionCore
 from server.mission.tape import Committed, MemoryTape, TapedCore, replay
 from server.recording.topics import ENTRY
@@ -13,7 +13,7 @@ from solver import engines
 from solver.arrays import frozen
 from solver.bounds import rollout
 from solver.planner import Planner
-from solver.problem import Budget, EngineFailed, Problem, Rung, Solution
+from solver.problem import Budget, Problem, Rung, Solution
 from tests.patience import PATIENCE_S
 from tests.server.builders import mission_setup
 
@@ -79,9 +79,16 @@ async def test_a_process_can_end_while_a_solve_hangs() -> None:
     assert all(thread.daemon for thread in hanging)
 
 
-def test_the_absent_engine_never_answers() -> None:
-    with pytest.raises(EngineFailed):
-        AbsentEngine().solve(problem(), BUDGET)
+def test_carrying_on_is_no_failure_of_the_engine(caplog: pytest.LogCaptureFixture) -> None:
+    """A solve that hangs is told of once, not ten times a second."""
+    planner = Planner(Gate())
+    asked = problem()
+    assert planner.carry_on(asked).rung is Rung.BRAKE
+    plan = Planner(engines.create("sqp")).solve(asked, BUDGET)
+    shifted = planner.carry_on(replace(asked, previous=plan.controls))
+    assert shifted.rung is Rung.SHIFTED
+    assert np.array_equal(shifted.controls, plan.controls)
+    assert not caplog.records
 
 
 @pytest.mark.parametrize(("deadline_s", "late"), [(None, False), (1e6, False), (0.0, True)])
