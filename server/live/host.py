@@ -65,8 +65,16 @@ class ProcessHost:
         """Process id while it runs."""
 
     async def run(self, receive: Receive) -> int:
-        """Run the process until it ends or this call is cancelled; return the exit code."""
-        process = await self._start(self._command, self._environment)
+        """Run the process until it ends or this call is cancelled; return the exit code.
+
+        Raises OSError when it cannot be started: then whoever asks it is told so at once.
+        """
+        try:
+            process = await self._start(self._command, self._environment)
+        except OSError:
+            self._over = True
+            self._ready.set()
+            raise
         if process.stdin is None or process.stdout is None:
             raise RuntimeError("the process was started without pipes")
         self.pid = process.pid

@@ -34,7 +34,12 @@ class WorldHost:
 
     async def run(self, receive: Receive) -> int:
         """Run the world until it ends or this call is cancelled; return the exit code."""
-        process = await self._start(self._command)
+        try:
+            process = await self._start(self._command)
+        except OSError:
+            self._ready.set_exception(ChannelClosed("the simulated world cannot be started"))
+            self._ready.exception()  # nobody may be waiting for it
+            raise
         if process.stdin is None or process.stdout is None:
             raise RuntimeError("the process was started without pipes")
         self.pid = process.pid

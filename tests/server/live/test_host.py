@@ -9,6 +9,8 @@ import pytest
 from server.live.channel import ChannelClosed, RequestTimeout
 from server.live.host import ProcessHost
 from server.live.outbox import Frame
+from server.live.world import WorldHost
+from tests.patience import PATIENCE_S
 from tests.server.waiting import eventually
 
 pytestmark = pytest.mark.process
@@ -148,3 +150,18 @@ async def test_no_child_outlives_a_killed_parent() -> None:
     process.kill()
     await process.wait()
     await eventually(lambda: gone(pid))
+
+
+@pytest.mark.asyncio
+@pytest.mark.parametrize("made", [ProcessHost, WorldHost])
+async def test_a_command_that_is_not_there_is_told_at_once(
+    made: type[ProcessHost | WorldHost],
+) -> None:
+    child = made(("/no/such/command",))
+    running = asyncio.create_task(child.run(lambda frame: None))
+    asked = {"job": {}, "endpoint": "tcp/127.0.0.1:7"}
+    async with asyncio.timeout(PATIENCE_S):
+        with pytest.raises(ChannelClosed):
+            await child.request("start", asked, timeout_s=2.0 * PATIENCE_S)
+        with pytest.raises(OSError, match="no/such"):
+            await running
