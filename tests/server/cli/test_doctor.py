@@ -1,5 +1,6 @@
 """`falconer doctor`, as people call it."""
 
+import asyncio
 import json
 import os
 import socket
@@ -9,8 +10,12 @@ import sys
 from pathlib import Path
 
 import pytest
+from fastapi import FastAPI
 
+from llm.mock import app as mock
+from llm.mock.behaviours import Behaviour, Mode
 from tests.patience import PATIENCE_S
+from tests.server.api.serving import served
 from tests.server.journal.keeping import address, event, journal_at
 
 
@@ -81,3 +86,63 @@ def test_a_table_for_people(tmp_path: Path) -> None:
     assert found.returncode == 0, found.stdout
     assert "optimizer" in found.stdout
     assert "none yet" in found.stdout
+
+
+async def model_found(folder: Path, app: FastAPI, **settings: str) -> tuple[int, str, str]:
+    """Return the exit code, and how doctor finds the model of an endpoint."""
+    async with served(app) as address:
+        address = f"http://{address}/v1"
+        found = await asyncio.to_thread(
+            doctor, folder, "--json", "--port", "0", FALCONER_LLM_BASE_URL=address, **settings
+        )
+    model = next(f for f in json.loads(found.stdout)["findings"] if f["name"] == "model")
+    return found.returncode, model["health"], model["text"]
+
+
+def strict() -> FastAPI:
+    """An endpoint that lists one model, and answers for no other."""
+    app = FastAPI()
+
+    @app.get("/v1/models")
+    async def models() -> dict[str, object]:
+        return {"data": [{"id": "the-one"}]}
+
+    @app.post("/v1/chat/completions", status_code=404)
+    async def complete() -> dict[str, object]:
+        return {"error": {"message": "no such model"}}
+
+    return app
+
+
+@pytest.mark.asyncio
+async def test_a_model_that_is_listed_is_good(tmp_path: Path) -> None:
+    code, health, text = await model_found(
+        tmp_path, mock.create_app(), FALCONER_LLM_MODEL=mock.MODEL
+    )
+    assert (code, health) == (0, "good")
+    assert "list" not in text
+
+
+@pytest.mark.asyncio
+async def test_a_model_that_is_not_listed_and_answers_is_good(tmp_path: Path) -> None:
+    code, health, text = await model_found(tmp_path, mock.create_app())
+    assert (code, health) == (0, "good")
+    assert "not on its list, but it answers" in text
+
+
+@pytest.mark.asyncio
+async def test_a_model_that_the_endpoint_does_not_have_does_not_work(tmp_path: Path) -> None:
+    code, health, text = await model_found(tmp_path, strict())
+    assert (code, health) == (1, "bad")
+    assert "the model default, which nobody has set, gives no answer" in text
+    assert "lists the-one" in text
+    assert "FALCONER_LLM_MODEL" in text
+    code, health, text = await model_found(tmp_path, strict(), FALCONER_LLM_MODEL="other")
+    assert (code, health) == (1, "bad")
+    assert "the model other gives no answer" in text
+
+
+@pytest.mark.asyncio
+async def test_a_model_that_is_asked_too_often_works_at_another_time(tmp_path: Path) -> None:
+    busy = mock.create_app(Behaviour(mode=Mode.FAIL_429))
+    assert (await model_found(tmp_path, busy))[:2] == (0, "poor")
