@@ -60,16 +60,25 @@ def checked_choice(choice: str) -> str:
     """
     if choice == LOCAL and (missing := worker.missing()):
         raise ModelUnavailable(f"--llm local: {missing}")
-    if choice in _BUILT_IN or _is_address(choice):
+    if choice in _BUILT_IN or is_address(choice):
         return choice
     raise ModelUnavailable(
         f"--llm {choice[:80]!r}: expected mock, local, exact, none or an http(s) address"
     )
 
 
+def is_address(choice: str) -> bool:
+    """Tell whether it is an http(s) address with a host."""
+    try:
+        parts = urlsplit(choice)
+        return parts.scheme in {"http", "https"} and bool(parts.hostname) and parts.port != 0
+    except ValueError:
+        return False
+
+
 def named_model(choice: str, settings: Settings) -> str:
     """Return the words by which results tell who advised: the choice, and the model there."""
-    return f"{choice} {settings.llm_model}" if _is_address(choice) else choice
+    return f"{choice} {settings.llm_model}" if is_address(choice) else choice
 
 
 def _silent(_: str) -> None:
@@ -115,11 +124,3 @@ async def open_model(
         )
         async with ChatClient(profile) as client:
             yield client
-
-
-def _is_address(choice: str) -> bool:
-    try:
-        parts = urlsplit(choice)
-        return parts.scheme in {"http", "https"} and bool(parts.hostname) and parts.port != 0
-    except ValueError:
-        return False

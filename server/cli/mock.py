@@ -5,6 +5,7 @@ from typing import Annotated
 import typer
 
 from llm.mock.behaviours import Mode
+from server.cli.options import finite
 
 
 def mock_llm(
@@ -14,7 +15,14 @@ def mock_llm(
         Mode, typer.Option(help="How it (mis)behaves; PUT /mock/behaviour changes it later.")
     ] = Mode.SOUND,
     delay_s: Annotated[
-        float, typer.Option("--delay-s", min=0.0, help="Of slow answers, silence of stalled ones.")
+        float,
+        typer.Option(
+            "--delay-s",
+            callback=finite,
+            min=0.0,
+            max=3600.0,
+            help="Seconds: of slow answers, silence of stalled ones.",
+        ),
     ] = 5.0,
 ) -> None:
     """Serve the mock language model at http://HOST:PORT/v1: rules over the prompt's words."""

@@ -66,6 +66,13 @@ LatencyOption = Annotated[
 ]
 
 
+def finite(value: float | None) -> float | None:
+    """Return an option's number. Raises typer.BadParameter for what no range keeps out."""
+    if value is not None and not math.isfinite(value):
+        raise typer.BadParameter(f"{value} is not a finite number")
+    return value
+
+
 def scripted_comments(values: list[str]) -> tuple[ScriptedComment, ...]:
     """Return the comments of `--comment "T:TEXT"` options, ordered by time.
 

@@ -12,7 +12,13 @@ from rich.console import Console
 from rich.table import Table
 
 from server.cli.errors import UsageError
-from server.cli.options import GateOption, LlmOption, latency_option, scripted_comments
+from server.cli.options import (
+    GateOption,
+    LlmOption,
+    finite,
+    latency_option,
+    scripted_comments,
+)
 from server.cli.progress import progress_bar
 from server.mission.setup import GateMode
 from server.models import checked_choice
@@ -39,6 +45,7 @@ def replay(
         typer.Option(
             "--fork-at",
             metavar="SECONDS",
+            callback=finite,
             min=0.0,
             help="Fly on from this mission second in lockstep, with --llm and --comment.",
         ),

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from server.cli.bus import DEFAULT_BUS
 from server.cli.endless import log_to_stderr, until_interrupted
 from server.cli.errors import UsageError
 from server.cli.options import ScenarioArgument
@@ -19,8 +20,7 @@ def router(
         str | None,
         typer.Option(
             metavar="ENDPOINT",
-            help="Where planner and vehicles connect; several with commas; "
-            "default tcp/127.0.0.1:7447.",
+            help=f"Where planner and vehicles connect; several with commas; default {DEFAULT_BUS}.",
         ),
     ] = None,
     connect: Annotated[
@@ -40,7 +40,7 @@ def router(
     setup = library.load(scenario).mission_setup()
     settings = load_settings(zenoh_listen=listen, zenoh_connect=connect)
     if settings.zenoh_listen is None:
-        settings = settings.model_copy(update={"zenoh_listen": "tcp/127.0.0.1:7447"})
+        settings = settings.model_copy(update={"zenoh_listen": DEFAULT_BUS})
     bus = router_bus(settings, setup.team, setup.robot_ids)
     if show:
         typer.echo(described(bus))

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.console import Console
 
+from server.cli.errors import UsageError
 from server.cli.options import (
     EngineName,
     EngineOption,
@@ -71,6 +72,8 @@ def run(
     comments = scripted_comments(comment or [])
     latency = latency_option(llm_latency)
     llm = checked_choice(llm)
+    if out is not None:
+        _make_folder(out)
     if not lockstep:
         from server.api.definitions import define_live
         from server.cli.live import Until, serve_live
@@ -136,14 +139,26 @@ def _say(words: str) -> None:
     typer.echo(words, err=True)
 
 
-def _deliver(result: dict[str, Any], out: Path | None, *, as_json: bool) -> None:
-    text = json.dumps(result, indent=2, allow_nan=False)
-    if out is not None:
+def _make_folder(out: Path) -> None:
+    """Make the result's folder before anything is flown. Raises UsageError."""
+    try:
         out.mkdir(parents=True, exist_ok=True)
-        (out / "result.json").write_text(text + "\n", encoding="utf-8")
+    except OSError as error:
+        raise UsageError(f"--out {out}: {error.strerror or error}") from error
+
+
+def _deliver(result: dict[str, Any], out: Path | None, *, as_json: bool) -> None:
+    """Print a result, then keep it: a full disk costs the file alone. Raises UsageError."""
+    text = json.dumps(result, indent=2, allow_nan=False)
     for line in (*warning_lines(result), *comment_lines(result)):
-        typer.echo(line, err=True)
+        _say(line)
     if as_json:
         typer.echo(text)
     else:
         Console().print(result_table(result))
+    if out is None:
+        return
+    try:
+        (out / "result.json").write_text(text + "\n", encoding="utf-8")
+    except OSError as error:
+        raise UsageError(f"--out {out}: {error.strerror or error}") from error

@@ -10,9 +10,11 @@ from typing import TYPE_CHECKING, Annotated
 import httpx
 import typer
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from server.cli.errors import UsageError
+from server.models import is_address
 from server.settings import load_settings
 
 if TYPE_CHECKING:
@@ -36,6 +38,8 @@ def script(
     from server.scripts.client import ScriptFailed
     from server.scripts.script import ScriptError, load_script
 
+    if not is_address(server):
+        raise UsageError(f"--server {server[:80]!r}: expected http://HOST:PORT, or https")
     try:
         verdict = asyncio.run(_run(load_script(file), server))
     except (ScriptError, ScriptFailed, httpx.InvalidURL) as error:
@@ -60,8 +64,8 @@ async def _run(script: "Script", server: str) -> "Verdict":
 
 def _show(verdict: "Verdict") -> None:
     passed = "passed" if verdict.passed else "FAILED"
-    table = Table("", "expected", "found", "", title=f"{verdict.script}: {passed}")
+    table = Table("", "expected", "found", "", title=escape(f"{verdict.script}: {passed}"))
     for check in verdict.checks:
         mark = "ok" if check.passed else "NOT OK"
-        table.add_row(check.what, check.expected, str(check.found), mark)
+        table.add_row(escape(check.what), escape(check.expected), escape(str(check.found)), mark)
     Console().print(table)

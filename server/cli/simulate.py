@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from server.cli.bus import DEFAULT_BUS, bus_of
 from server.cli.endless import log_to_stderr, until_interrupted
 from server.cli.errors import UsageError
 from server.cli.options import EngineName, ScenarioArgument, SeedOption
@@ -14,8 +15,12 @@ from server.cli.options import EngineName, ScenarioArgument, SeedOption
 def sim(
     scenario: ScenarioArgument,
     connect: Annotated[
-        str, typer.Option(metavar="ENDPOINT", help="Where the planner or a router listens.")
-    ] = "tcp/127.0.0.1:7447",
+        str | None,
+        typer.Option(
+            metavar="ENDPOINT",
+            help=f"Where the planner or a router listens; default {DEFAULT_BUS}.",
+        ),
+    ] = None,
     external: Annotated[
         list[int] | None,
         typer.Option(
@@ -30,7 +35,6 @@ def sim(
     ] = None,
 ) -> None:
     """Simulate the world of SCENARIO with one agent per robot, for a planner elsewhere."""
-    from server.bus import vehicle_bus
     from server.scenarios import library
     from server.settings import load_settings
     from vehicles.agent import DuplicateRobotError
@@ -41,24 +45,25 @@ def sim(
 
     chosen = library.load(scenario)
     setup = chosen.mission_setup()
-    settings = load_settings(zenoh_connect=connect)
+    bus = bus_of(connect)
     try:
         job = SimulationJob(
             world=chosen.world_setup(),
             team=setup.team,
             # Started before the planner it waits: robots without a planner hold anyway.
-            zenoh=replace(vehicle_bus(settings), open_timeout_s=None),
+            zenoh=replace(bus, open_timeout_s=None),
             simulation=SimulationSettings(
                 seed=setup.seed if seed is None else seed,
                 tick_s=setup.live_tick_s,
                 external=tuple(external or ()),
             ),
-            engine=settings.engine if engine is None else engine.value,
+            engine=load_settings().engine if engine is None else engine.value,
         )
     except ValueError as error:
         raise UsageError(str(error)) from error
     log_to_stderr()
-    typer.echo(f"world of {setup.name}, team {setup.team}, on {connect} (Ctrl-C ends it)", err=True)
+    where = ", ".join(bus.connect)
+    typer.echo(f"world of {setup.name}, team {setup.team}, on {where} (Ctrl-C ends it)", err=True)
     try:
         asyncio.run(until_interrupted(simulate(job)))
     except (BusError, DuplicateRobotError) as error:

@@ -32,6 +32,8 @@ from server.settings import Settings
 AUTHOR = "command line"
 LOOK_S = 0.2
 
+_OVER = frozenset({MissionState.ENDED, MissionState.FAILED})
+
 
 async def serve(
     settings: Settings,
@@ -157,8 +159,7 @@ class Site:
         _say(f"starting {definition.scenario} ...")
         await service.start(mission_id, AUTHOR)
         self._flown = mission_id
-        over = {MissionState.ENDED, MissionState.FAILED}
-        while service.mission(mission_id).state not in over:
+        while not is_over(service, mission_id):
             done, _ = await asyncio.wait({serving}, timeout=LOOK_S)
             if done:
                 return
@@ -171,6 +172,12 @@ class Site:
         except ServiceError as error:
             _say(f"no figures: {error}")
             return None
+
+
+def is_over(service: MissionService, mission_id: str) -> bool:
+    """Tell whether a mission is over; one that was stopped may have been removed at once."""
+    states = {mission.id: mission.state for mission in service.missions()}
+    return states.get(mission_id, MissionState.ENDED) in _OVER
 
 
 def _address(listener: socket.socket) -> str:

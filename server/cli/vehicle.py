@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from server.cli import vehicle_options as options
+from server.cli.bus import bus_of
 from server.cli.endless import log_to_stderr, until_interrupted
 from server.cli.errors import UsageError
 from server.cli.options import EngineName, ScenarioArgument
@@ -116,7 +117,7 @@ def _place(
     from vehicles.settings import AgentSettings
 
     # Started before the mission it waits: a vehicle without a planner holds anyway.
-    zenoh = replace(options.bus_of(bus), open_timeout_s=None)
+    zenoh = replace(bus_of(bus), open_timeout_s=None)
     chosen = load_settings().engine if engine is None else engine.value
     try:
         return Place(team, zenoh, chosen, sight, AgentSettings(autonomous_s=autonomous_s))
@@ -204,7 +205,7 @@ def give_order(
     from vehicles.orders import OrderRefused, OrderUnanswered, give
 
     chosen = _scenario_with(robot, scenario)
-    bus = options.bus_of(zenoh_connect)
+    bus = bus_of(zenoh_connect)
     try:
         answer = asyncio.run(give(bus, _team(team, chosen), robot, order, patience))
     except (BusError, ValueError) as error:

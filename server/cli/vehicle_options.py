@@ -8,27 +8,15 @@ from typing import Annotated
 import typer
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError, model_validator
 
-from server.bus import vehicle_bus
+from server.cli.bus import DEFAULT_BUS
 from server.cli.errors import UsageError
-from server.cli.options import EngineName
-from server.settings import load_settings
+from server.cli.options import EngineName, finite
 from vehicles.mavlink.alignment import Heights
 from vehicles.mavlink.dialects import Autopilot
 from vehicles.mavlink.flight import Start
 from vehicles.mavlink.frames import Alignment, Datum
 from vehicles.mavlink.udp import Endpoint, EndpointError, parse_endpoint
 from vehicles.senses import Sight
-from vehicles.zenoh_settings import ZenohSettings
-
-
-def _finite(value: float | None) -> float | None:
-    """Refuse what no range keeps out."""
-    if value is not None and not math.isfinite(value):
-        raise typer.BadParameter(f"{value} is not a finite number")
-    return value
-
-
-DEFAULT_BUS = "tcp/127.0.0.1:7447"
 
 RobotOption = Annotated[int, typer.Option(min=0, help="The robot's id in its team.")]
 TeamOption = Annotated[
@@ -96,15 +84,15 @@ AllowTakeoffOption = Annotated[
 TakeoffAltitudeOption = Annotated[
     float | None,
     typer.Option(
-        callback=_finite, min=0.5, max=120.0, help="Metres; default: the scenario's, or 2."
+        callback=finite, min=0.5, max=120.0, help="Metres; default: the scenario's, or 2."
     ),
 ]
 SpeedLimitOption = Annotated[
     float,
-    typer.Option(callback=_finite, min=0.1, max=50.0, help="Faster setpoints are refused, m/s."),
+    typer.Option(callback=finite, min=0.1, max=50.0, help="Faster setpoints are refused, m/s."),
 ]
 LowBatteryOption = Annotated[
-    float, typer.Option(callback=_finite, min=0.0, max=0.99, help="Charge that is reported as low.")
+    float, typer.Option(callback=finite, min=0.0, max=0.99, help="Charge that is reported as low.")
 ]
 SensesOption = Annotated[
     Sight, typer.Option(help="Who sees targets for it: nobody, or the world of falconer sim.")
@@ -115,7 +103,7 @@ EngineOption = Annotated[
 AutonomousOption = Annotated[
     float,
     typer.Option(
-        callback=_finite,
+        callback=finite,
         min=0.0,
         max=600.0,
         help="Seconds it flies alone when the planner falls silent; 0: holds.",
@@ -132,24 +120,24 @@ StartOption = Annotated[
 ]
 AltitudeOption = Annotated[
     float,
-    typer.Option(callback=_finite, min=0.5, max=120.0, help="Metres, where it starts in the air."),
+    typer.Option(callback=finite, min=0.5, max=120.0, help="Metres, where it starts in the air."),
 ]
 BatteryOption = Annotated[
     float,
     typer.Option(
-        callback=_finite, min=0.0, max=1.0, help="Charge at the start; at 0.15 it saves itself."
+        callback=finite, min=0.0, max=1.0, help="Charge at the start; at 0.15 it saves itself."
     ),
 ]
 BatteryLifeOption = Annotated[
     float,
     typer.Option(
-        callback=_finite, min=1.0, max=1e5, help="Seconds that a full battery lasts in the air."
+        callback=finite, min=1.0, max=1e5, help="Seconds that a full battery lasts in the air."
     ),
 ]
 SetpointLossOption = Annotated[
     float | None,
     typer.Option(
-        callback=_finite,
+        callback=finite,
         min=0.1,
         max=60.0,
         help="Seconds without a setpoint until it stops; default 3, and 1 for px4.",
@@ -162,23 +150,9 @@ RefuseOption = Annotated[
 PatienceOption = Annotated[
     float,
     typer.Option(
-        callback=_finite, min=0.1, max=600.0, help="Seconds to wait for the robot's answer."
+        callback=finite, min=0.1, max=600.0, help="Seconds to wait for the robot's answer."
     ),
 ]
-
-
-def bus_of(endpoints: str | None) -> ZenohSettings:
-    """Return the vehicle's session on the bus, credentials from the settings.
-
-    Raises server.settings.SettingsError and UsageError.
-    """
-    settings = load_settings(zenoh_connect=endpoints)
-    if settings.zenoh_connect is None:
-        settings = load_settings(zenoh_connect=DEFAULT_BUS)
-    try:
-        return vehicle_bus(settings)
-    except ValueError as error:
-        raise UsageError(f"the bus: {error}") from error
 
 
 def endpoint_of(text: str) -> Endpoint:

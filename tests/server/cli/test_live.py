@@ -13,6 +13,10 @@ from pathlib import Path
 import httpx
 import pytest
 
+from server.api.models import MissionRequest
+from server.cli.site import is_over
+from tests.server.api.serving import Stage
+
 pytestmark = [pytest.mark.process]
 
 LINK = re.compile(r"(http://127\.0\.0\.1:\d+)(/login\?key=\S+)")
@@ -106,3 +110,16 @@ async def test_ctrl_c_ends_a_live_run_with_the_figures_so_far(tmp_path: Path) ->
 async def test_ctrl_c_while_the_mission_starts_is_no_failure(tmp_path: Path) -> None:
     _, said = await ended_by_ctrl_c(tmp_path, "starting ablation", "serve")
     assert "could not be started" not in said
+
+
+@pytest.mark.asyncio
+async def test_a_mission_that_was_stopped_and_removed_at_once_is_over() -> None:
+    stage = Stage()
+    async with stage.service as service:
+        mission = (await service.create(MissionRequest(scenario="scripted"), "test")).id
+        await service.start(mission, "test")
+        assert not is_over(service, mission)
+        await service.stop(mission, "test")
+        assert is_over(service, mission)
+        await service.delete(mission, "test")
+        assert is_over(service, mission)

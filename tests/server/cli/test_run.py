@@ -58,6 +58,10 @@ def test_a_comment_and_its_answer_are_told() -> None:
         (("run", "ablation", "--lockstep", "--llm-latency", "-1"), "--llm-latency"),
         (("run", "ablation", "--lockstep", "--steps", "0"), "--steps"),
         (("run", "ablation", "--lockstep", "--engine", "forces"), "--engine"),
+        (("run", "ablation", "--lockstep", "--out", "/dev/null/x"), "--out /dev/null/x"),
+        (("replay", "flight.mcap", "--fork-at", "nan"), "--fork-at"),
+        (("mock-llm", "--delay-s", "inf"), "--delay-s"),
+        (("script", "script.yaml", "--server", "127.0.0.1:8000"), "--server"),
         (("launch",), "launch"),
     ],
 )
