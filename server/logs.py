@@ -10,10 +10,22 @@ from structlog.typing import Processor
 FORMAT_VARIABLE = "FALCONER_LOG_FORMAT"
 
 
-def configure_logs(level: int = logging.INFO) -> None:
+class _Forwarder(logging.Handler):
+    """Passes on what is logged by other means: by the floors below us, and by libraries."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        level = max(logging.DEBUG, min(logging.CRITICAL, record.levelno // 10 * 10))
+        words, problem = record.getMessage(), record.exc_info
+        structlog.get_logger(record.name).log(
+            level, words, **{"exc_info": problem} if problem else {}
+        )
+
+
+def configure_logs(libraries: int = logging.WARNING) -> None:
     """Write one line per event to standard error: to be read, or as JSON where that is set.
 
     The variable is read here, since every process of ours logs and not each has settings.
+    `libraries` is the least level of what is told of events that are not logged by structlog.
     """
     shared: list[Processor] = [
         structlog.contextvars.merge_contextvars,
@@ -22,10 +34,15 @@ def configure_logs(level: int = logging.INFO) -> None:
     ]
     structlog.configure(
         processors=[*shared, *_renderers()],
-        wrapper_class=structlog.make_filtering_bound_logger(level),
+        wrapper_class=structlog.make_filtering_bound_logger(logging.INFO),
         logger_factory=structlog.PrintLoggerFactory(file=sys.stderr),
         cache_logger_on_first_use=False,
     )
+    root = logging.getLogger()
+    for handler in [known for known in root.handlers if isinstance(known, _Forwarder)]:
+        root.removeHandler(handler)
+    root.addHandler(_Forwarder())
+    root.setLevel(libraries)
 
 
 def _renderers() -> list[Processor]:

@@ -4,9 +4,10 @@ import asyncio
 import contextlib
 import logging
 import signal
-import sys
 from collections.abc import Coroutine
 from typing import Any
+
+from server.logs import configure_logs
 
 
 async def until_interrupted(work: Coroutine[Any, Any, None]) -> None:
@@ -21,4 +22,4 @@ async def until_interrupted(work: Coroutine[Any, Any, None]) -> None:
 
 def log_to_stderr() -> None:
     """Let the vehicles' log go to standard error, one line an entry."""
-    logging.basicConfig(level=logging.INFO, stream=sys.stderr, format="%(levelname)s %(message)s")
+    configure_logs(libraries=logging.INFO)
