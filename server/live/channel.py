@@ -24,6 +24,9 @@ MAX_LINE_BYTES = 8 * 1024 * 1024
 MAX_PENDING = 256
 """Requests under way at once on one channel; more are refused."""
 
+URGENT = frozenset({"hold", "stop"})
+"""Requests for which there is always room."""
+
 _PUSH_PREFIX = '{"push":'
 
 Json = dict[str, Any]
@@ -103,7 +106,7 @@ class Caller:
         """
         if self._closed:
             raise ChannelClosed("the mission process has ended")
-        if len(self._pending) >= MAX_PENDING:
+        if len(self._pending) >= MAX_PENDING and op not in URGENT:
             raise RequestRefused("busy", "too many requests are waiting for the mission")
         request_id = next(self._ids)
         future: asyncio.Future[Json] = asyncio.get_running_loop().create_future()
@@ -185,7 +188,7 @@ class Responder:
 
     async def _answer(self, request: Json) -> None:
         request_id = request.get("id", 0)
-        if self._active >= MAX_PENDING:
+        if self._active >= MAX_PENDING and request.get("op") not in URGENT:
             answer = _refused(request_id, RequestRefused("busy", "too many requests at once"))
         else:
             self._active += 1

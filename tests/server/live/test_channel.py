@@ -9,6 +9,7 @@ import pytest
 
 from server.live.channel import (
     MAX_LINE_BYTES,
+    MAX_PENDING,
     Caller,
     ChannelClosed,
     Handler,
@@ -19,6 +20,7 @@ from server.live.channel import (
     encode,
 )
 from server.live.outbox import Frame
+from tests.patience import PATIENCE_S
 
 
 async def streams(
@@ -196,3 +198,24 @@ async def test_what_is_no_message_ends_the_channel(line: bytes) -> None:
 def test_nan_is_never_sent() -> None:
     with pytest.raises(ValueError, match="JSON compliant"):
         encode({"x": float("nan")})
+
+
+@pytest.mark.asyncio
+async def test_there_is_always_room_for_hold() -> None:
+    async def busy(op: str, params: dict[str, Any]) -> dict[str, Any]:
+        if op != "hold":
+            await asyncio.Event().wait()
+        return {"state": "held"}
+
+    async with channel(busy) as (caller, _):
+        waiting = [
+            asyncio.create_task(caller.request("override", timeout_s=PATIENCE_S))
+            for _ in range(MAX_PENDING)
+        ]
+        await asyncio.sleep(0)
+        with pytest.raises(RequestRefused, match="too many"):
+            await caller.request("override")
+        assert await caller.request("hold", timeout_s=PATIENCE_S) == {"state": "held"}
+        for task in waiting:
+            task.cancel()
+        await asyncio.gather(*waiting, return_exceptions=True)
