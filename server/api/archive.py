@@ -44,6 +44,7 @@ class Archive:
         self._known: dict[Stamp, Info] = {}
         """The folder as it was seen last."""
 
+        self._showing = asyncio.Lock()
         self._forking = asyncio.Lock()
 
     async def recordings(self) -> list[dict[str, Any]]:
@@ -64,6 +65,11 @@ class Archive:
             recording = await asyncio.to_thread(self._shelf.open, name)
         except RecordingError as error:
             raise _unknown(f"Recording {name} cannot be opened: {error}.") from error
+        async with self._showing:
+            return self._shown(recording) or await self._show(recording)
+
+    def _shown(self, recording: Recording) -> MissionInfo | None:
+        """Return the mission that shows a recording. Raises ServiceError 409 for one too many."""
         shown = [record for record in self._service.records() if record.replays and record.live]
         for record in shown:
             if record.recording == recording.path:
@@ -74,6 +80,9 @@ class Archive:
                 f"{MAX_REPLAYS} recordings are shown already; stop one of those missions first.",
                 HTTPStatus.CONFLICT,
             )
+        return None
+
+    async def _show(self, recording: Recording) -> MissionInfo:
         mission = await self._service.add(replay_definition(recording), AUTHOR)
         return await self._service.start(mission.id, AUTHOR)
 

@@ -25,6 +25,7 @@ from typing import Final
 from urllib.parse import urlsplit
 
 from starlette.datastructures import Headers, MutableHeaders
+from starlette.requests import ClientDisconnect
 from starlette.responses import RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocket
@@ -198,39 +199,40 @@ class BodyLimit:
             await self._app(scope, receive, send)
             return
         declared = Headers(scope=scope).get("content-length", "")
-        body = None
-        if not (declared.isdecimal() and int(declared) > self._limit):
+        try:
+            if declared.isdecimal() and int(declared) > self._limit:
+                raise self._too_large()
             body = await self._read(receive)
-        if body is None:
-            await deny(
-                ServiceError(
-                    "body_too_large",
-                    f"A request body may have at most {self._limit} bytes.",
-                    HTTPStatus.REQUEST_ENTITY_TOO_LARGE,
-                    {"limit_bytes": self._limit},
-                ),
-                scope,
-                receive,
-                send,
-            )
-            return
-        await self._app(scope, _replay(body, receive), send)
+        except ServiceError as error:
+            await deny(error, scope, receive, send)
+        except ClientDisconnect:
+            return  # half a request is none, and nobody is there to be answered
+        else:
+            await self._app(scope, _replay(body, receive), send)
 
-    async def _read(self, receive: Receive) -> bytes | None:
-        """Return the whole body, None when it is too long."""
+    async def _read(self, receive: Receive) -> bytes:
+        """Return the whole body. Raises ServiceError 413, ClientDisconnect where it breaks off."""
         parts: list[bytes] = []
         length = 0
         while True:
             message = await receive()
             if message["type"] != "http.request":
-                return b"".join(parts)
+                raise ClientDisconnect
             part = message.get("body", b"")
             length += len(part)
             if length > self._limit:
-                return None
+                raise self._too_large()
             parts.append(part)
             if not message.get("more_body", False):
                 return b"".join(parts)
+
+    def _too_large(self) -> ServiceError:
+        return ServiceError(
+            "body_too_large",
+            f"A request body may have at most {self._limit} bytes.",
+            HTTPStatus.REQUEST_ENTITY_TOO_LARGE,
+            {"limit_bytes": self._limit},
+        )
 
 
 def _replay(body: bytes, receive: Receive) -> Receive:

@@ -7,6 +7,7 @@ from fastapi import APIRouter, WebSocket, WebSocketDisconnect
 
 from server.api.errors import ServiceError, error_response
 from server.api.service import MissionService
+from server.live.fanout import TOO_SLOW
 from server.live.outbox import Outbox, OutboxClosed
 
 SEND_S: Final = 10.0
@@ -66,7 +67,7 @@ async def _send(websocket: WebSocket, outbox: Outbox) -> tuple[int | None, str]:
             async with asyncio.timeout(SEND_S):
                 await websocket.send_text(frame.text)
     except OutboxClosed as closed:
-        slow = closed.reason.startswith("too slow")
+        slow = closed.reason == TOO_SLOW
         return (CLOSE_TOO_SLOW if slow else CLOSE_GOING_AWAY), closed.reason
     except TimeoutError:
         return CLOSE_TOO_SLOW, f"no message was taken for {SEND_S:g} s"

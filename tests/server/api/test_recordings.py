@@ -92,6 +92,15 @@ async def test_a_replay_is_a_mission_that_can_be_wound(folder: Path) -> None:
 
 
 @pytest.mark.asyncio
+async def test_a_recording_that_two_ask_for_at_once_is_shown_once(folder: Path) -> None:
+    async with serving(folder) as client:
+        url = f"{API}/recordings/flight.mcap/replay"
+        answers = await asyncio.gather(*(client.post(url) for _ in range(3)))
+        assert {answer.status_code for answer in answers} == {201}
+        assert {answer.json()["id"] for answer in answers} == {"m1"}
+
+
+@pytest.mark.asyncio
 async def test_a_fork_over_http_sets_both_stories_beside_each_other(folder: Path) -> None:
     async with serving(folder) as client:
         mission = (await client.post(f"{API}/recordings/flight.mcap/replay")).json()["id"]

@@ -4,12 +4,14 @@ from typing import Any
 
 import httpx
 import pytest
+from starlette.types import Message, Receive, Scope, Send
 from websockets.asyncio.client import connect
 from websockets.exceptions import InvalidStatus
 from websockets.typing import Origin
 
 from server.api.security import (
     MAX_BODY_BYTES,
+    BodyLimit,
     ExposureRefused,
     check_exposure,
     is_loopback,
@@ -129,6 +131,31 @@ async def test_the_limit_is_exact(extra: int, status: int) -> None:
     frame = len(json.dumps({"text": ""}))
     body = json.dumps({"text": "x" * (MAX_BODY_BYTES - frame + extra)})
     assert (await asked("POST", f"{API}/missions/m1/comments", content=body)).status_code == status
+
+
+@pytest.mark.asyncio
+async def test_half_a_body_is_no_request() -> None:
+    """A change whose sender is gone in the middle of it is not made."""
+    asked: list[str] = []
+
+    async def app(scope: Scope, receive: Receive, send: Send) -> None:
+        asked.append(scope["path"])
+
+    said: list[Message] = [
+        {"type": "http.request", "body": b'{"text": "Hold', "more_body": True},
+        {"type": "http.disconnect"},
+    ]
+
+    async def receive() -> Message:
+        return said.pop(0)
+
+    async def send(message: Message) -> None:
+        raise AssertionError(message)
+
+    scope = {"type": "http", "method": "POST", "path": "/api/v1/missions", "headers": []}
+    await BodyLimit(app)(scope, receive, send)
+    assert asked == []
+    assert said == []
 
 
 @pytest.mark.asyncio
