@@ -12,7 +12,7 @@ from llm.chat import LanguageModel
 from llm.local import worker
 from llm.styles import PromptStyle
 from server.errors import BadInput
-from server.settings import Settings
+from server.settings import Settings, without_secret
 
 MOCK = "mock"
 LOCAL = "local"
@@ -60,8 +60,13 @@ def checked_choice(choice: str) -> str:
     """
     if choice == LOCAL and (missing := worker.missing()):
         raise ModelUnavailable(f"--llm local: {missing}")
-    if choice in _BUILT_IN or is_address(choice):
+    if choice in _BUILT_IN:
         return choice
+    if is_address(choice):
+        try:
+            return without_secret(choice)
+        except ValueError as error:
+            raise ModelUnavailable(f"--llm: the address {error}") from None
     raise ModelUnavailable(
         f"--llm {choice[:80]!r}: expected mock, local, exact, none or an http(s) address"
     )

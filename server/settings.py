@@ -12,7 +12,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, SecretStr, ValidationError
+from pydantic import AfterValidator, Field, SecretStr, ValidationError
 from pydantic_settings import (
     BaseSettings,
     PydanticBaseSettingsSource,
@@ -29,7 +29,19 @@ ENVIRONMENT_ONLY = frozenset({"cache_dir", "log_format"})
 """Read from the environment by whoever needs them, below this floor; as are all secrets."""
 
 Token = Annotated[SecretStr, Field(min_length=16)]
-Url = Annotated[str, Field(pattern=r"^https?://[^/\s]+")]
+
+
+def without_secret(address: str) -> str:
+    """Return an address. Raises ValueError for one with a password: addresses are told to people.
+
+    They stand in the journal, in recordings and in the tables of experiments.
+    """
+    if "@" in address.split("://", 1)[-1].split("/", 1)[0]:
+        raise ValueError("must hold no user and no password: FALCONER_LLM_API_KEY is for the key")
+    return address
+
+
+Url = Annotated[str, Field(pattern=r"^https?://[^/\s]+"), AfterValidator(without_secret)]
 
 
 class SettingsError(BadInput):
@@ -203,6 +215,7 @@ def _closest(name: str, known: Iterable[str]) -> str:
 def _problem(entry: Any) -> str:
     name = str(entry["loc"][0]) if entry["loc"] else ""
     message = entry["msg"].replace("Input should", "must").replace("Value should", "must")
+    message = message.removeprefix("Value error, ")
     return f"{variable(name)}: {message}"
 
 

@@ -37,6 +37,12 @@ def test_what_may_not_be_chosen(choice: str) -> None:
         checked_choice(choice)
 
 
+def test_an_address_holds_no_password() -> None:
+    with pytest.raises(ModelUnavailable, match="FALCONER_LLM_API_KEY") as caught:
+        checked_choice("https://ada:very-secret@host.test/v1")
+    assert "very-secret" not in str(caught.value)
+
+
 @pytest.mark.usefixtures("uninstalled")
 def test_without_the_embedded_model_the_cure_is_told_at_once() -> None:
     with pytest.raises(ModelUnavailable, match=r"--llm local: .*make setup-local"):

@@ -95,6 +95,18 @@ def test_a_refused_secret_is_not_told(monkeypatch: pytest.MonkeyPatch) -> None:
     assert caught.value.__cause__ is None
 
 
+def test_an_address_holds_no_password(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("FALCONER_LLM_BASE_URL", "https://ada:very-secret@host.test/v1")
+    with pytest.raises(SettingsError) as caught:
+        load_settings()
+    assert str(caught.value) == (
+        "FALCONER_LLM_BASE_URL: must hold no user and no password: "
+        "FALCONER_LLM_API_KEY is for the key"
+    )
+    monkeypatch.setenv("FALCONER_LLM_BASE_URL", "https://host.test/@ada/v1")
+    assert load_settings().llm_base_url == "https://host.test/@ada/v1"
+
+
 def test_roles_are_told_apart(monkeypatch: pytest.MonkeyPatch) -> None:
     for role in ("ADMIN", "OPERATOR", "VIEWER"):
         monkeypatch.setenv(f"{PREFIX}{role}_TOKEN", f"{role}-0123456789abcdef")
