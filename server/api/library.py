@@ -57,12 +57,7 @@ class ScenarioLibrary:
 
     def describe(self, scenario: dict[str, Any]) -> ScenarioInfo:
         """Check a whole scenario and return what it is. Raises ServiceError 422."""
-        try:
-            return _info(library.inline(scenario))
-        except ScenarioError as error:
-            raise ServiceError(
-                "scenario_invalid", str(error), HTTPStatus.UNPROCESSABLE_ENTITY
-            ) from error
+        return _info(_scenario(scenario))
 
     def bus(self, planner: Mapping[str, Any]) -> dict[str, Any]:
         """Return where a stored planner job stands on the bus by the settings, as JSON values."""
@@ -74,15 +69,7 @@ class ScenarioLibrary:
 
     def define(self, request: MissionRequest) -> Definition:
         """Check a request and return what to run. Raises ServiceError 422."""
-        try:
-            if isinstance(request.scenario, str):
-                scenario = library.named(request.scenario)
-            else:
-                scenario = library.inline(request.scenario)
-        except ScenarioError as error:
-            raise ServiceError(
-                "scenario_invalid", str(error), HTTPStatus.UNPROCESSABLE_ENTITY
-            ) from error
+        scenario = _scenario(request.scenario)
         if request.llm == LOCAL and (missing := worker.missing()):
             raise ServiceError("llm_unavailable", missing, HTTPStatus.UNPROCESSABLE_ENTITY)
         self.model_address(request.llm)
@@ -120,6 +107,16 @@ class ScenarioLibrary:
                 HTTPStatus.UNPROCESSABLE_ENTITY,
             )
         return address_of(profile, self._settings)
+
+
+def _scenario(asked: str | Mapping[str, Any]) -> Scenario:
+    """Return a scenario by its name, or from plain data. Raises ServiceError 422."""
+    try:
+        return library.named(asked) if isinstance(asked, str) else library.inline(asked)
+    except ScenarioError as error:
+        raise ServiceError(
+            "scenario_invalid", str(error), HTTPStatus.UNPROCESSABLE_ENTITY
+        ) from error
 
 
 def _info(scenario: Scenario) -> ScenarioInfo:

@@ -7,7 +7,7 @@ from math import dist
 from typing import TYPE_CHECKING
 
 from server.mission.setup import Compat
-from server.scenarios.errors import Problem, closest
+from server.scenarios.errors import MAX_PROBLEMS, Problem, closest
 from server.scenarios.parts import CircleMotion, ReplayMotion, TargetPart
 from solver.problem import Dynamics
 
@@ -127,24 +127,34 @@ def _weights(scenario: "Scenario") -> Iterator[Problem]:
 
 
 def _pairs(scenario: "Scenario") -> Iterator[Problem]:
+    hints = _Hints()
     robots = {robot.id for robot in scenario.robots}
     targets = {target.id for target in scenario.targets}
     for robot_id, row in scenario.assignment.items():
         if robot_id not in robots:
-            yield Problem(
-                f"assignment.{robot_id}", f"there is no such robot{_near(robot_id, robots)}"
-            )
+            hint = hints.near(robot_id, robots)
+            yield Problem(f"assignment.{robot_id}", f"there is no such robot{hint}")
+        known: set[int] = set()
         for k, target_id in enumerate(row):
             path = f"assignment.{robot_id}[{k}]"
             if target_id not in targets:
-                hint = _near(target_id, targets)
+                hint = hints.near(target_id, targets)
                 yield Problem(path, f"there is no target {target_id}{hint}")
-            elif target_id in row[:k]:
+            elif target_id in known:
                 yield Problem(path, f"target {target_id} stands here already")
+            known.add(target_id)
 
 
-def _near(wanted: int, known: Iterable[int]) -> str:
-    return closest(str(wanted), map(str, sorted(known)))
+class _Hints:
+    """Looks for the likeliest id, as often as somebody will read it: it takes its time."""
+
+    def __init__(self) -> None:
+        self._left = MAX_PROBLEMS
+
+    def near(self, wanted: int, known: Iterable[int]) -> str:
+        """Return `, did you mean "..."?` or nothing."""
+        self._left -= 1
+        return closest(str(wanted), map(str, sorted(known))) if self._left >= 0 else ""
 
 
 def _capacities(scenario: "Scenario") -> Iterator[Problem]:

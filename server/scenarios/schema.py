@@ -125,6 +125,8 @@ class Scenario(Part):
         """
         asked = {"seed": seed, "steps": steps}
         changes = {key: value for key, value in asked.items() if value is not None}
+        if not changes:
+            return self
         return Scenario.model_validate({**self.model_dump(), **changes})
 
     def weight_range(self) -> tuple[Weights, Weights]:

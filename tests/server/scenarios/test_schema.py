@@ -1,11 +1,13 @@
 """Our own scenario documents: what they become, and how each fault is told."""
 
 import math
+from collections.abc import Iterable
 from typing import Any
 
 import pytest
 
 from server.mission.setup import Compat, GateMode
+from server.scenarios import consistency
 from server.scenarios.errors import ScenarioError
 from server.scenarios.library import inline
 from server.scenarios.schema import Scenario, schema
@@ -307,3 +309,23 @@ def test_the_schema_describes_the_document() -> None:
 def test_a_scenario_survives_its_own_json() -> None:
     scenario = inline(document())
     assert Scenario.model_validate_json(scenario.model_dump_json()) == scenario
+
+
+def test_no_more_is_guessed_at_than_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A guess compares with every id there is: thousands of them would take minutes."""
+    guessed: list[str] = []
+
+    def closest(word: str, known: Iterable[str]) -> str:
+        guessed.append(word)
+        return ""
+
+    monkeypatch.setattr(consistency, "closest", closest)
+    lines = _refusal(changed(document(), ("assignment", 26), list(range(1000, 3000)))).splitlines()
+    assert "there is no target 1000" in lines[0]
+    assert len(guessed) == 20
+
+
+def test_a_scenario_that_is_not_varied_is_itself() -> None:
+    scenario = inline(document())
+    assert scenario.varied() is scenario
+    assert scenario.varied(seed=7).seed == 7
