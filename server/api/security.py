@@ -19,7 +19,7 @@ socket and the scene alike.
 
 import hmac
 import ipaddress
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from http import HTTPStatus
 from typing import Final
 from urllib.parse import urlsplit
@@ -110,7 +110,7 @@ class Doorkeeper:
         scope.pop("identity", None)
         refusal = self._misdirected(scope) or self._unknown(scope)
         if refusal is None:
-            await self._app(scope, self._while_known(scope, receive), _with_headers(send))
+            await self._app(scope, *self._while_known(scope, receive, _with_headers(send)))
         elif refusal.status == HTTPStatus.UNAUTHORIZED and _wants_page(scope):
             await RedirectResponse(LOGIN_PATH, HTTPStatus.SEE_OTHER)(
                 scope, receive, _with_headers(send)
@@ -167,19 +167,39 @@ class Doorkeeper:
         scope["identity"] = identity
         return None
 
-    def _while_known(self, scope: Scope, receive: Receive) -> Receive:
-        """Return a receive that ends a socket once its session has been ended."""
+    def _while_known(self, scope: Scope, receive: Receive, send: Send) -> tuple[Receive, Send]:
+        """Return how to hear and speak: on a socket, for as long as its session lasts."""
         identity = scope.get("identity")
         if scope["type"] != "websocket" or not isinstance(identity, Identity):
-            return receive
+            return receive, send
+        socket = _Socket(receive, send, lambda: self._door.still(identity))
+        return socket.receive, socket.send
 
-        async def checking() -> Message:
-            message = await receive()
-            if message["type"] == "websocket.receive" and not self._door.still(identity):
-                return {"type": "websocket.disconnect", "code": CLOSE_LOGGED_OUT}
-            return message
 
-        return checking
+class _Socket:
+    """A socket that is closed by the first message, either way, after its session has ended."""
+
+    def __init__(self, receive: Receive, send: Send, lasts: Callable[[], bool]) -> None:
+        self._receive = receive
+        self._send = send
+        self._lasts = lasts
+        self._closed = False
+
+    async def receive(self) -> Message:
+        """Return what the client says, or that it is gone."""
+        message = await self._receive()
+        if message["type"] == "websocket.receive" and not self._lasts():
+            return {"type": "websocket.disconnect", "code": CLOSE_LOGGED_OUT}
+        return message
+
+    async def send(self, message: Message) -> None:
+        """Tell the client, or close its socket; nothing more is said on one that is closed."""
+        if self._closed:
+            return
+        if message["type"] == "websocket.send" and not self._lasts():
+            self._closed = True
+            message = {"type": "websocket.close", "code": CLOSE_LOGGED_OUT, "reason": "logged out"}
+        await self._send(message)
 
 
 class BodyLimit:

@@ -2,6 +2,8 @@
 
 import asyncio
 import time
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
 from typing import Any
 
 import httpx
@@ -15,6 +17,7 @@ from server.api.access import MAX_FAILURES, WINDOW_S, Access
 from server.api.app import create_app
 from server.api.identity import Role
 from server.api.models import MissionRequest
+from server.api.security import CLOSE_LOGGED_OUT
 from server.api.sessions import LIFETIME_S, Sessions
 from server.journal.entry import Entry, EntryKind
 from server.settings import Settings
@@ -34,6 +37,7 @@ from tests.server.api.fortress import (
     refused,
 )
 from tests.server.api.serving import Stage, client_of, served
+from tests.server.waiting import eventually
 
 # ------------------------------------------------------------------ CSRF: 403
 
@@ -239,24 +243,42 @@ async def read_on(socket: ClientConnection) -> None:
         await socket.recv()
 
 
-@pytest.mark.asyncio
-async def test_logging_out_ends_what_a_socket_may_say() -> None:
+@asynccontextmanager
+async def streaming() -> AsyncIterator[tuple[Stage, ClientConnection, Callable[[], None]]]:
+    """A stream opened by a browser's session; yields what ends that session too."""
     stage = Stage()
     app = stage.app(**TOKENS, **SECRET)
     async with served(app) as address:
         await stage.service.create(MissionRequest(scenario="scripted"), "test")
         port = address.split(":")[1]
-        identity, value = app.state.door.sessions.open("operator", Role.OPERATOR)
+        sessions = app.state.door.sessions
+        identity, value = sessions.open("operator", Role.OPERATOR)
         headers = {"cookie": f"falconer_session_{port}={value}"}
-        socket = await connect(
-            f"ws://{address}{API}/missions/m1/stream",
-            additional_headers=headers,
-            origin=Origin(f"http://{address}"),
-        )
-        app.state.door.sessions.revoke(identity.session)
+        url, origin = f"ws://{address}{API}/missions/m1/stream", Origin(f"http://{address}")
+        async with connect(url, additional_headers=headers, origin=origin) as socket:
+            yield stage, socket, lambda: sessions.revoke(identity.session)
+
+
+@pytest.mark.asyncio
+async def test_logging_out_ends_what_a_socket_may_say() -> None:
+    async with streaming() as (_, socket, log_out):
+        log_out()
         await socket.send("anything")
         with pytest.raises(ConnectionClosed):
             await read_on(socket)
+
+
+@pytest.mark.asyncio
+async def test_logging_out_ends_what_a_socket_is_told() -> None:
+    async with streaming() as (stage, socket, log_out):
+        await stage.service.start("m1", "test")
+        await socket.recv()
+        log_out()
+        with pytest.raises(ConnectionClosed) as closed:
+            await read_on(socket)
+        assert closed.value.rcvd is not None
+        assert closed.value.rcvd.code == CLOSE_LOGGED_OUT
+        await eventually(lambda: stage.service.readers("m1") == 0)
 
 
 # ------------------------------------------------------------------ and who may, can
