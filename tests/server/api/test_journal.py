@@ -160,7 +160,7 @@ async def test_after_a_crash_missions_come_back(tmp_path: Path) -> None:
         missions = (await client.get(f"{API}/missions")).json()
         assert [(m["id"], m["state"]) for m in missions] == [("m1", "held"), ("m2", "created")]
         assert [comment.text for comment in after.service.comments("m1")] == ["Focus."]
-        assert after.service.decisions("m1", 0, 10) == [card]
+        assert card in after.service.decisions("m1", 0, 10)
         prepared = next(params for op, params in after.planners[0].requests if op == "prepare")
         assert prepared["decisions"] >= 1  # new cards take other numbers
         created = await client.post(f"{API}/missions", json={"scenario": "scripted"})
