@@ -35,7 +35,7 @@ def configure_logs(libraries: int = logging.WARNING) -> None:
     structlog.configure(
         processors=[*shared, *_renderers()],
         wrapper_class=structlog.make_filtering_bound_logger(logging.INFO),
-        logger_factory=structlog.PrintLoggerFactory(file=sys.stderr),
+        logger_factory=lambda *_: structlog.PrintLogger(sys.stderr),
         cache_logger_on_first_use=False,
     )
     root = logging.getLogger()

@@ -23,6 +23,7 @@ def test_a_world_connects_where_the_settings_say(
         jobs.append(job)
 
     monkeypatch.setattr("vehicles.sim_worker.simulate", simulated)
+    monkeypatch.setattr("server.cli.simulate.log_to_stderr", lambda: None)
     monkeypatch.setenv("FALCONER_ZENOH_CONNECT", "tcp/192.0.2.1:7447")
     sim("hardware")
     assert jobs[0].zenoh.connect == ("tcp/192.0.2.1:7447",)
