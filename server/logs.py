@@ -14,11 +14,13 @@ class _Forwarder(logging.Handler):
     """Passes on what is logged by other means: by the floors below us, and by libraries."""
 
     def emit(self, record: logging.LogRecord) -> None:
+        """Pass a record on. Never raises: whoever logs has other things to do."""
         level = max(logging.DEBUG, min(logging.CRITICAL, record.levelno // 10 * 10))
-        words, problem = record.getMessage(), record.exc_info
-        structlog.get_logger(record.name).log(
-            level, words, **{"exc_info": problem} if problem else {}
-        )
+        said = {"exc_info": record.exc_info} if record.exc_info else {}
+        try:
+            structlog.get_logger(record.name).log(level, record.getMessage(), **said)
+        except Exception:  # as every handler of the standard library does
+            self.handleError(record)
 
 
 def configure_logs(libraries: int = logging.WARNING) -> None:
