@@ -19,7 +19,7 @@ class _Forwarder(logging.Handler):
         said = {"exc_info": record.exc_info} if record.exc_info else {}
         try:
             structlog.get_logger(record.name).log(level, record.getMessage(), **said)
-        except Exception:  # as every handler of the standard library does
+        except Exception:  # noqa: BLE001 - as every handler of the standard library does
             self.handleError(record)
 
 
