@@ -10,8 +10,8 @@ from server.gate.merit import Merit
 from server.gate.rollout import Comparison, Forecast
 from server.live import forecasting
 from server.live.forecasting import ForecastThread
-from server.live.solving import AbsentEngine
 from server.mission.core import MissionCore
+from solver import engines
 from solver.planner import Planner
 from tests.patience import PATIENCE_S
 from tests.server.builders import mission_setup, straight_solution
@@ -37,7 +37,7 @@ async def test_a_forecast_is_made_in_a_thread_and_its_time_is_kept(
         return FORECAST
 
     monkeypatch.setattr(forecasting, "forecast", made)
-    with ForecastThread(Planner(AbsentEngine())) as thread:
+    with ForecastThread(Planner(engines.create("sqp"))) as thread:
         assert await thread.predict(comparison(), PATIENCE_S) is FORECAST
     assert made_in == ["gate"]
     assert len(thread.spent_s) == 1
@@ -55,7 +55,7 @@ async def test_who_waits_for_a_forecast_that_hangs_gives_up_and_so_do_those_behi
         return FORECAST
 
     monkeypatch.setattr(forecasting, "forecast", slow)
-    with ForecastThread(Planner(AbsentEngine())) as thread:
+    with ForecastThread(Planner(engines.create("sqp"))) as thread:
         first, second, third = comparison(), comparison(), comparison()
         assert await thread.predict(first, 0.02) is None
         assert await thread.predict(second, 0.02) is None
@@ -70,5 +70,5 @@ async def test_a_forecast_that_fails_is_none(monkeypatch: pytest.MonkeyPatch) ->
         raise FloatingPointError("no merit")
 
     monkeypatch.setattr(forecasting, "forecast", broken)
-    with ForecastThread(Planner(AbsentEngine())) as thread:
+    with ForecastThread(Planner(engines.create("sqp"))) as thread:
         assert await thread.predict(comparison(), PATIENCE_S) is None
