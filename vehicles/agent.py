@@ -15,7 +15,7 @@ from solver.observations import Detections, RobotState
 from solver.setpoints import Setpoint
 from vehicles import messages as wire
 from vehicles import translation
-from vehicles.body import Body, BodyState
+from vehicles.body import Body, BodyEvent, BodyEventKind, BodyState
 from vehicles.bus import Bus, Subscription
 from vehicles.guard import SetpointGuard
 from vehicles.inbox import Inbox, Sample
@@ -83,6 +83,14 @@ class VehicleAgent:
         self._declared: list[Subscription] = []
         self._alone: Alone | None = None
         self._order: tuple[wire.Order, str] | None = None
+        """The order in force and its id."""
+
+        self._former: tuple[wire.Order, str] | None = None
+        """What was in force before it."""
+
+        self._heard_order: tuple[str, float] | None = None
+        """Id of the newest order, and when it was heard."""
+
         self._started_s: float | None = None
         self._heartbeat_s: float | None = None
         self._conflict_s: float | None = None
@@ -155,9 +163,9 @@ class VehicleAgent:
         # along.
         if not jammed and self._heartbeat_s == now_s:
             self._reporter.flush(now_s)
-        elif not jammed and self._order is not None and not self._hears_planner(now_s):
+        elif not jammed and self._heard_order is not None and not self._hears_planner(now_s):
             # Somebody else gave the order, and waits.
-            self._reporter.answer(self._order[1], now_s)
+            self._reporter.answer(self._heard_order[0], now_s)
 
     # ------------------------------------------------------------------ what is heard
 
@@ -206,15 +214,27 @@ class VehicleAgent:
     def _obey(self, message: wire.Command, now_s: float) -> None:
         if message.robot_id != self.robot_id:
             return
-        if self._order is not None and message.command_id == self._order[1]:
+        if self._heard_order is not None and message.command_id == self._heard_order[0]:
             return
-        self._order = (message.command, message.command_id)
+        self._heard_order = (message.command_id, now_s)
+        self._former, self._order = self._order, (message.command, message.command_id)
         logger.info("robot %d: %s, by %s", self.robot_id, message.command, message.author)
         self._body.order(message.command, now_s, message.command_id)
 
     @property
     def _ordered(self) -> bool:
         return self._order is not None and self._order[0] is not wire.Order.RESUME
+
+    def _reconsider(self, refused: BodyEvent) -> None:
+        """Let a take-off that was refused at once change nothing.
+
+        Whatever else is refused, or fails later, was to end the flight: then it holds.
+        """
+        order, heard = self._order, self._heard_order
+        if order is None or heard is None or order[0] is not wire.Order.TAKE_OFF:
+            return
+        if refused.order_id == order[1] and refused.at_s == heard[1]:
+            self._order = self._former
 
     def _beware(self, message: wire.State, now_s: float) -> None:
         """Hold, loudly, when another robot speaks under this id."""
@@ -236,6 +256,8 @@ class VehicleAgent:
     def _suffer(self, now_s: float) -> None:
         for event in self._body.take_events():
             logger.info("robot %d: %s: %s", self.robot_id, event.kind.value, event.text)
+            if event.kind is BodyEventKind.REFUSED:
+                self._reconsider(event)
             notice = partial(
                 wire.NoticePart,
                 code=event.kind.value,

@@ -216,6 +216,21 @@ async def test_landing_taking_off_and_what_makes_no_sense() -> None:
         ]
 
 
+async def test_a_take_off_that_is_refused_at_once_changes_nothing() -> None:
+    async with rig(PAIR) as made:
+        made.velocities = {21: (0.5, 0.0), 26: (0.5, 0.0)}
+        await made.tick(3)
+        made.link.send_command(26, wire.Order.HOLD, "operator")
+        await made.tick(2)
+        for robot_id in (21, 26):
+            made.link.send_command(robot_id, wire.Order.TAKE_OFF, "operator")
+        await made.tick(10)
+        refusals = [(n.robot_id, n.text) for n in made.notices if n.code == "refused"]
+        assert refusals == [(21, "take_off: in the air"), (26, "take_off: in the air")]
+        assert made.velocity(21) == (0.5, 0.0), "it flies on"
+        assert made.velocity(26) == (0.0, 0.0), "it was ordered to hold, and still is"
+
+
 async def test_an_order_heard_twice_is_obeyed_once() -> None:
     async with rig(PAIR) as made:
         await made.tick(2)
