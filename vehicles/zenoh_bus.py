@@ -198,14 +198,7 @@ class ZenohBus:
 
     def _write(self, session: zenoh.Session, key: str, payload: bytes) -> None:
         try:
-            session.put(
-                key,
-                payload,
-                congestion_control=zenoh.CongestionControl.BLOCK,
-                priority=zenoh.Priority.DATA_HIGH,
-            )
-        except zenoh.ZError as error:
-            logger.warning("an event on %s was not sent: %s", key, error)
+            _put(session, key, payload, zenoh.CongestionControl.BLOCK, zenoh.Priority.DATA_HIGH)
         finally:
             with self._lock:
                 self._waiting -= 1
@@ -213,15 +206,7 @@ class ZenohBus:
     def _write_long(self, session: zenoh.Session, key: str) -> None:
         with self._lock:
             payload = self._long.pop(key)
-        try:
-            session.put(
-                key,
-                payload,
-                congestion_control=zenoh.CongestionControl.DROP,
-                priority=zenoh.Priority.DATA_LOW,
-            )
-        except zenoh.ZError as error:
-            logger.warning("a message on %s was not sent: %s", key, error)
+        _put(session, key, payload, zenoh.CongestionControl.DROP, zenoh.Priority.DATA_LOW)
 
     async def _opened(self) -> zenoh.Session:
         """Try to open the session until it works or the time is over."""
@@ -278,6 +263,20 @@ async def _uninterrupted(
     with contextlib.suppress(zenoh.ZError):
         await asyncio.to_thread(discard, task.result())
     raise asyncio.CancelledError
+
+
+def _put(
+    session: zenoh.Session,
+    key: str,
+    payload: bytes,
+    congestion: zenoh.CongestionControl,
+    priority: zenoh.Priority,
+) -> None:
+    """Put from the writer's thread; what cannot be sent is told."""
+    try:
+        session.put(key, payload, congestion_control=congestion, priority=priority)
+    except zenoh.ZError as error:
+        logger.warning("a message on %s was not sent: %s", key, error)
 
 
 def _end(session: zenoh.Session) -> None:

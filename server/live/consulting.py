@@ -98,6 +98,12 @@ class _PacedLoop(ABC):
     async def _advise(self) -> None:
         """Give advice once, and count it."""
 
+    def _count_answer(self, began_s: float, *, success: bool) -> float:
+        """Count the end of a call; return how long it took, seconds."""
+        now_s = self._pace.now()
+        self.meter.record(now_s, now_s - began_s, success=success)
+        return now_s - began_s
+
 
 class SolverLoop(_PacedLoop):
     """Our own assignment solver at the task model's period, in a thread of its own."""
@@ -125,19 +131,15 @@ class SolverLoop(_PacedLoop):
                 self._solver.propose, self._snapshot(), f"x{self._count}"
             )
             solved = True
-            self._count_solve(began_s, success=True)
+            self._count_answer(began_s, success=True)
             card = await self._propose(proposal)
             self.meter.decided(adopted=card.accepted)
         except Exception:  # a fault of the solver must not end the flight
             log.exception("the assignment solver failed")
             if not solved:
-                self._count_solve(began_s, success=False)
+                self._count_answer(began_s, success=False)
         finally:
             self._pace.clock.finished(self._pace.now())
-
-    def _count_solve(self, began_s: float, *, success: bool) -> None:
-        now_s = self._pace.now()
-        self.meter.record(now_s, now_s - began_s, success=success)
 
 
 class ModelLoop(_PacedLoop):
@@ -184,12 +186,6 @@ class ModelLoop(_PacedLoop):
                 self._count_answer(began_s, success=False)
         finally:
             self._pace.clock.finished(self._pace.now())
-
-    def _count_answer(self, began_s: float, *, success: bool) -> float:
-        """Count the end of a call; return how long it took, seconds."""
-        now_s = self._pace.now()
-        self.meter.record(now_s, now_s - began_s, success=success)
-        return now_s - began_s
 
     async def _outcome(self, consultation: Consultation) -> Accepted | GivenUp:
         """Ask until an answer is accepted or there are no tries left."""
