@@ -6,13 +6,14 @@ turns into infinity further on.
 
 from enum import StrEnum
 from math import pi
-from typing import Annotated, Any, Literal, Self, TypeAlias, TypeVar
+from typing import Annotated, Literal, Self, TypeAlias, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from solver.beliefs import MotionModel, NearField
 from solver.problem import Dynamics
 from solver.zones import ZoneKind
+from vehicles.problems import problems_of
 
 VERSION = 1
 MAX_PAYLOAD = 1 << 20
@@ -391,9 +392,5 @@ def decode(kind: type[MessageT], payload: bytes) -> MessageT:
     try:
         return kind.model_validate_json(payload)
     except ValidationError as error:
-        found: list[Any] = list(error.errors(include_url=False, include_input=False))
-        words = "; ".join(
-            f"{'.'.join(str(part) for part in one['loc']) or 'payload'}: {one['msg']}"
-            for one in found[:5]
-        )
+        words = problems_of(error, "payload", most=5)
         raise MessageError(f"{kind.__name__}: {words}") from None

@@ -5,6 +5,7 @@ from typing import Final
 
 from pydantic import TypeAdapter, ValidationError
 
+from vehicles.problems import problems_of
 from vehicles.settings import SimulationSettings, check_external
 from vehicles.world.setup import WorldSetup
 from vehicles.zenoh_settings import ZenohSettings
@@ -50,8 +51,4 @@ def load_job(text: str | bytes) -> SimulationJob:
     try:
         return _JOB.validate_json(text)
     except ValidationError as error:
-        problems = (
-            f"{'.'.join(str(part) for part in problem['loc']) or 'job'}: {problem['msg']}"
-            for problem in error.errors(include_url=False, include_input=False)
-        )
-        raise JobError("; ".join(problems)) from None
+        raise JobError(problems_of(error, "job")) from None

@@ -9,6 +9,7 @@ from pydantic import TypeAdapter, ValidationError
 from server.bus import LOOPBACK
 from server.live.figures import KeptFigures
 from server.mission.setup import MissionSetup
+from vehicles.problems import problems_of
 from vehicles.world.setup import WorldSetup
 from vehicles.zenoh_settings import ZenohSettings
 
@@ -56,8 +57,4 @@ def load_job(values: object) -> PlannerJob:
     try:
         return _JOB.validate_python(values)
     except ValidationError as error:
-        problems = (
-            f"{'.'.join(str(part) for part in problem['loc']) or 'job'}: {problem['msg']}"
-            for problem in error.errors(include_url=False, include_input=False)
-        )
-        raise JobError("; ".join(problems)) from None
+        raise JobError(problems_of(error, "job")) from None
