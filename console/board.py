@@ -37,6 +37,9 @@ LOOK_S = 0.3
 PANEL_S = 0.25
 """How often panels change at most."""
 
+SILENT_S = 2.0
+"""A planner speaks ten times a second; one that is silent for longer hangs, or is cut off."""
+
 TICKING = frozenset({MissionState.RUNNING, MissionState.HELD})
 """States in which a mission in real time tells something at every tick."""
 
@@ -67,7 +70,9 @@ class Facts:
     """Who asked for what stands now."""
 
     silent_s: float = 0.0
-    """How old the newest word of a mission is that should speak at every tick."""
+    """For how long a mission has been silent that should speak at every tick; 0 while it speaks.
+
+    What it said last must then not pass for how things are."""
 
     scene_fault: str = ""
     """Why the scene is not what it should show, in a sentence; "" while it is."""
@@ -288,14 +293,16 @@ class Board:
 
 
 def silence_s(mission: MissionInfo, snapshot: Json | None) -> float:
-    """Return how long ago the newest picture was made of a mission that makes one every tick.
+    """Return for how long a mission has been silent that makes a picture every tick.
 
-    0 for all others. Pictures carry the monotonic clock of this machine (seconds).
+    0 while it speaks, and for all others. Pictures carry the monotonic clock of this machine
+    (seconds).
     """
     made_s = None if snapshot is None else snapshot.get("stamp_s")
     if made_s is None or mission.clock is not Clock.REALTIME or mission.state not in TICKING:
         return 0.0
-    return max(0.0, time.monotonic() - float(made_s))
+    age_s = time.monotonic() - float(made_s)
+    return age_s if age_s > SILENT_S else 0.0
 
 
 def _report(task: asyncio.Task[None]) -> None:

@@ -9,9 +9,6 @@ LOOPS = (("optimizer", "Optimizer"), ("task_llm", "Task model"), ("action_llm", 
 STALE_PERIODS = 3.0
 """A loop whose last success is older than so many of its periods wants to be looked at."""
 
-SILENT_S = 2.0
-"""A planner speaks ten times a second; one that is silent for longer hangs, or is cut off."""
-
 PERIODS_S = {"optimizer": 0.1, "task_llm": 20.0, "action_llm": 5.0}
 """Between two calls, where the loop does not say that it takes longer."""
 
@@ -66,7 +63,9 @@ class GuidancePanel(Panel):
     @staticmethod
     def draw(facts: Facts) -> dict[str, str]:
         """Return the step and its age."""
-        return {} if facts.snapshot is None else {"guidance": guidance(facts.snapshot)}
+        if facts.snapshot is None:
+            return {}
+        return {"guidance": guidance(facts.snapshot, facts.silent_s)}
 
     def build(self) -> None:
         """Show it."""
@@ -85,7 +84,7 @@ def mission_line(mission: MissionInfo) -> str:
 def mission_clock(snapshot: Json, silent_s: float) -> str:
     """Return mission time; it is marked where nobody knows whether it goes on."""
     time = clock(snapshot["time_s"])
-    if silent_s <= SILENT_S:
+    if not silent_s:
         return time
     return f'<span class="stale" title="Nothing was heard since">{time}</span>'
 
@@ -116,10 +115,9 @@ def _waits(loop: Json) -> bool:
 def lamps(snapshot: Json, silent_s: float = 0.0) -> str:
     """Return the three loop lamps: rate or age, and success.
 
-    From a planner that has been silent for `silent_s` seconds nothing is known of any loop; what
-    it said last must not pass for how it is.
+    Of a planner that has been silent for `silent_s` seconds nothing is known of any loop.
     """
-    if silent_s > SILENT_S:
+    if silent_s:
         return _silent_lamps(snapshot, silent_s)
     parts = []
     for name, title in LOOPS:
@@ -163,12 +161,15 @@ def _silent_lamps(snapshot: Json, silent_s: float) -> str:
     return "".join(parts)
 
 
-def guidance(snapshot: Json) -> str:
-    """Return which step of the ladder guides the team, and how old that is."""
+def guidance(snapshot: Json, silent_s: float = 0.0) -> str:
+    """Return which step of the ladder guides the team, and how old that is.
+
+    `silent_s` is for how long the planner has told nothing new.
+    """
     level = snapshot["guidance"]["level"]
     age = snapshot["guidance"]["age_s"]
     tone = {"model": "ok", "last_valid": "warn", "solver": "warn"}.get(level, "alarm")
-    since = "" if age is None else f"{age:.0f} s old"
+    since = "" if age is None else f"{age + silent_s:.0f} s old"
     return (
         f'<div class="guidance {tone}"><b>{GUIDANCE_WORDS.get(level, escape(level))}</b>'
         f"<span>{since}</span></div>"

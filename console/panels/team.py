@@ -22,7 +22,7 @@ class TeamPanel(Panel):
         if facts.looking.away:  # the newest decisions are not behind what was
             return {"team": team(facts.picture, {})}
         cards = facts.service.newest_decisions(facts.mission.id, CARDS_LOOKED_AT)
-        return {"team": team(facts.picture, last_decisions(cards))}
+        return {"team": team(facts.picture, last_decisions(cards), facts.silent_s)}
 
     def build(self) -> None:
         """Show it."""
@@ -39,21 +39,25 @@ def last_decisions(newest_first: Iterable[Json]) -> dict[int, str]:
     return found
 
 
-def team(snapshot: Json, decided: Mapping[int, str]) -> str:
-    """Return the table of robots; `decided` names the decision that gave each its targets."""
+def team(snapshot: Json, decided: Mapping[int, str], silent_s: float = 0.0) -> str:
+    """Return the table of robots; `decided` names the decision that gave each its targets.
+
+    `silent_s` is for how long the planner has told nothing new: states are what they were then.
+    """
     assignment = snapshot["directives"]["assignment"]
     rows = []
     for robot in snapshot["robots"]:
         key = str(robot["id"])
         state = robot_state(robot)
-        tone = robot_tone(robot)
+        tone = "" if silent_s else f" {robot_tone(robot)}"
         targets = " ".join(f"T{t}" for t in assignment.get(key, ())) or "–"
+        heard = _age(robot["state_age_s"], silent_s)
         speed = "–" if robot["velocity"] is None else f"{math.hypot(*robot['velocity']):.2f}"
         rows.append(
             f'<tr data-id="robot-{robot["id"]}"><th scope="row">D{robot["id"]}</th>'
-            f'<td class="state {tone}"><i></i>{state}</td>'
+            f'<td class="state{tone}"><i></i>{"was " if silent_s else ""}{state}</td>'
             f'<td class="wrap">{targets}{_card(decided.get(robot["id"]))}</td>'
-            f'<td class="num">{speed}</td><td class="num">{_age(robot["state_age_s"])}</td></tr>'
+            f'<td class="num">{speed}</td><td class="num">{heard}</td></tr>'
         )
     head = (
         '<th scope="col">Drone</th><th scope="col">State</th><th scope="col">Targets</th>'
@@ -74,5 +78,5 @@ def _card(decision: str | None) -> str:
     )
 
 
-def _age(age_s: float | None) -> str:
-    return "never" if age_s is None else f"{age_s:.1f} s"
+def _age(age_s: float | None, silent_s: float) -> str:
+    return "never" if age_s is None else f"{age_s + silent_s:.1f} s"

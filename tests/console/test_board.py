@@ -143,3 +143,5 @@ def test_only_who_should_speak_is_silent(state: MissionState, silent: bool) -> N
     assert silence_s(mission(1, state=state), None) == 0.0
     assert silence_s(mission(1, state=state), message(30.0) | {"stamp_s": None}) == 0.0
     assert silence_s(mission(1, state=state, clock="replay"), old) == 0.0
+    ahead = message(30.0) | {"stamp_s": time.monotonic() + 60.0}  # none is that old
+    assert silence_s(mission(1, state=state), ahead) == 0.0

@@ -56,7 +56,8 @@ def test_a_silent_planner_has_no_lamp_that_passes_for_well() -> None:
     assert words(told) == ("Optimizer silent for 7 s Task model not known Action model not known")
     assert re.findall('class="lamp (\\w+)"', told) == ["alarm", "idle", "idle"]
     assert "stale" in bar.mission_clock(message(), 7.2)
-    assert bar.mission_clock(message(), 0.3) == words(bar.mission_clock(message(), 7.2)) == "0:30.0"
+    assert "11 s old" in bar.guidance(message(), 7.6)  # and 3.2 s when it spoke
+    assert bar.mission_clock(message(), 0.0) == words(bar.mission_clock(message(), 7.2)) == "0:30.0"
 
 
 def test_a_lamp_says_that_its_loop_waits_for_a_person_and_not_that_it_is_stale() -> None:

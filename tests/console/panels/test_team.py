@@ -19,6 +19,14 @@ def test_the_team_table_tells_states_targets_and_silence() -> None:
     assert words(rows[3]).endswith("never")
 
 
+def test_of_a_silent_team_the_table_tells_what_was() -> None:
+    rows = re.findall(r"<tr.*?>(.*?)</tr>", panel.team(message(), {}, 5.0))[1:]
+    states = [words(row).partition(" T")[0] for row in rows]
+    assert states == ["D21 was ok", "D26 was blind", "D31 was jammed", "D34 was ok"]
+    assert words(rows[0]).endswith("5.0 s")
+    assert 'class="state"' in rows[1], "no colour for what nobody knows"
+
+
 def test_a_robot_names_the_newest_decision_in_force_about_it() -> None:
     rows = [{"robot": 21, "gains": [122], "loses": []}]
     cards: list[dict[str, Any]] = [
