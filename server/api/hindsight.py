@@ -120,9 +120,6 @@ class Hindsight:
             return await asyncio.to_thread(read)
         except RecordingError as error:
             raise ServiceError("not_kept", f"{error}.", HTTPStatus.CONFLICT) from error
-        except OSError as error:  # it was there when it was opened
-            words = f"The recording {path.name} cannot be read: {error.strerror}."
-            raise ServiceError("not_kept", words, HTTPStatus.CONFLICT) from error
 
     async def _read_course(self, record: MissionRecord) -> Course:
         """Return the course of a replay or of a mission that is known from the journal."""

@@ -151,7 +151,8 @@ class Recording:
                 raise RecordingError(f"{self.path}: the file changed while it was read")
             records = breakup_chunk(chunk, validate_crc=True)
         except OSError as error:
-            raise RecordingError(f"{self.path}: {error.strerror or error}") from None
+            words = f"{self.path} cannot be read: {error.strerror or error}"
+            raise RecordingError(words) from None
         except _DAMAGE as error:
             raise RecordingError(
                 f"{self.path}: it is damaged at {part.start_ns / NANOSECONDS:g} s:"
