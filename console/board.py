@@ -6,7 +6,6 @@ every page only copies from here what has changed. What is looked at may be some
 """
 
 import asyncio
-import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -20,9 +19,9 @@ from console.scene import Scene
 from console.viewers import Viewers
 from console.workshop import Workshop
 from server.api.errors import ServiceError
-from server.api.models import Clock, MissionInfo
+from server.api.models import MissionInfo
 from server.api.service import MissionService
-from server.encoding import MissionState
+from server.api.silence import silence_s
 
 log = structlog.get_logger(__name__)
 
@@ -36,12 +35,6 @@ LOOK_S = 0.3
 
 PANEL_S = 0.25
 """How often panels change at most."""
-
-SILENT_S = 2.0
-"""A planner speaks ten times a second; one that is silent for longer hangs, or is cut off."""
-
-TICKING = frozenset({MissionState.RUNNING, MissionState.HELD})
-"""States in which a mission in real time tells something at every tick."""
 
 CARDS_READ = 1000
 EVENTS_READ = 5000
@@ -290,19 +283,6 @@ class Board:
         if panels != self.panels:
             self.panels = panels
             self.version += 1
-
-
-def silence_s(mission: MissionInfo, snapshot: Json | None) -> float:
-    """Return for how long a mission has been silent that makes a picture every tick.
-
-    0 while it speaks, and for all others. Pictures carry the monotonic clock of this machine
-    (seconds).
-    """
-    made_s = None if snapshot is None else snapshot.get("stamp_s")
-    if made_s is None or mission.clock is not Clock.REALTIME or mission.state not in TICKING:
-        return 0.0
-    age_s = time.monotonic() - float(made_s)
-    return age_s if age_s > SILENT_S else 0.0
 
 
 def _report(task: asyncio.Task[None]) -> None:

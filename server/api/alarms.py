@@ -40,6 +40,7 @@ _COMPONENTS: Final = {
     "journal": "The journal is not available",
     "recording": "The recording has stopped",
     "planner": "The planner has ended",
+    "silence": "The planner is silent",
     "world": "The simulated world has ended",
 }
 _SUDDEN: Final = frozenset({"clock", "recording"})
@@ -236,7 +237,7 @@ class AlarmBook:
 
 def _is_well(cause: Cause, robots: dict[int, Json], targets: dict[int, Json]) -> bool:
     """Tell whether a picture shows a robot or a target in good order; it shows the planner so."""
-    if cause.id == "planner":
+    if cause.id in ("planner", "silence"):
         return True
     robot = None if cause.robot is None else robots.get(cause.robot)
     if robot is not None and cause.id.startswith("link-"):

@@ -3,6 +3,7 @@
 import asyncio
 import socket
 import sys
+from collections.abc import Coroutine
 from typing import Any
 
 import typer
@@ -17,6 +18,7 @@ from server.api.identity import Role
 from server.api.library import ScenarioLibrary
 from server.api.recovery import AfterCrash
 from server.api.service import MissionService
+from server.api.silence import SilenceWatch
 from server.api.watch import tell_of_clock
 from server.api.web import web_config
 from server.cli.errors import UsageError
@@ -93,8 +95,9 @@ class Site:
                 serving = group.create_task(
                     self._server.serve(sockets=[self._listener]), name="web server"
                 )
-                clock = group.create_task(self._watch_clock(), name="clock watch")
-                serving.add_done_callback(lambda _: clock.cancel())
+                for name, watch in self._watches().items():
+                    watching = group.create_task(watch, name=name)
+                    serving.add_done_callback(lambda _, task=watching: task.cancel())
                 if await self._started(serving):
                     interrupted = self._welcome()
                     if definition is not None and (not interrupted or until is Until.OVER):
@@ -114,10 +117,13 @@ class Site:
             raise UsageError(str(refusal)) from refusal
         return await self._figures()
 
-    async def _watch_clock(self) -> None:
-        """Tell the live missions when this machine's wall clock jumps. Runs for ever."""
+    def _watches(self) -> dict[str, Coroutine[None, None, None]]:
+        """Return what tells the missions of a clock that jumps and of a planner that is silent."""
         records = self._service.records
-        await ClockWatch(lambda words: tell_of_clock(records(), words)).run()
+        return {
+            "clock watch": ClockWatch(lambda words: tell_of_clock(records(), words)).run(),
+            "silence watch": SilenceWatch(records).run(),
+        }
 
     async def _started(self, serving: asyncio.Task[None]) -> bool:
         """Wait until the server listens; return False when it has ended instead.

@@ -1,6 +1,5 @@
 """The board over scripted missions, with a scene that may fail; nothing is drawn."""
 
-import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
@@ -8,14 +7,11 @@ from typing import Any, cast
 
 import pytest
 
-from console.board import SCENE_FAULT, Board, Facts, silence_s
+from console.board import SCENE_FAULT, Board, Facts
 from console.scene import Scene
 from console.workshop import Workshop
 from server.api.errors import ServiceError
 from server.api.models import MissionRequest
-from server.encoding import MissionState
-from tests.console.messages import message
-from tests.console.panels.test_library import mission
 from tests.server.api.serving import Stage
 from tests.server.waiting import eventually
 
@@ -126,22 +122,3 @@ async def test_a_mission_removed_while_its_picture_is_read_is_left(
         await eventually(lambda: removed == ["m1"])
         await seen.fly()
         await eventually(lambda: seen.shows("m2"))
-
-
-@pytest.mark.parametrize(
-    ("state", "silent"),
-    [
-        (MissionState.RUNNING, True),
-        (MissionState.HELD, True),
-        (MissionState.PAUSED, False),  # mission time stands still
-        (MissionState.ENDED, False),
-    ],
-)
-def test_only_who_should_speak_is_silent(state: MissionState, silent: bool) -> None:
-    old = message(30.0) | {"stamp_s": time.monotonic() - 60.0}
-    assert (silence_s(mission(1, state=state), old) >= 60.0) == silent
-    assert silence_s(mission(1, state=state), None) == 0.0
-    assert silence_s(mission(1, state=state), message(30.0) | {"stamp_s": None}) == 0.0
-    assert silence_s(mission(1, state=state, clock="replay"), old) == 0.0
-    ahead = message(30.0) | {"stamp_s": time.monotonic() + 60.0}  # none is that old
-    assert silence_s(mission(1, state=state), ahead) == 0.0
