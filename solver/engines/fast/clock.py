@@ -1,6 +1,7 @@
 """The monotonic clock, readable inside a kernel."""
 
 import time
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,12 @@ _CLOCK = time.CLOCK_MONOTONIC
 _clock_gettime: Any = types.ExternalFunction(
     "clock_gettime", types.int32(types.int32, types.voidptr)
 )
+
+
+@inlined
+def is_past(deadline: float, timespec: IntArray) -> bool:
+    """Return whether a time on that clock is over; infinity never is."""
+    return deadline < inf and now(timespec) > deadline
 
 
 @inlined

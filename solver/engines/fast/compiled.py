@@ -113,3 +113,19 @@ def compile_cached(function: Callable[..., Any], signature: Any) -> Callable[...
 def compiled() -> Callable[..., Answer]:
     """Return the routine, compiled once in a process."""
     return compile_cached(routine, signature())
+
+
+def unchecked(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Return what `compile_cached` made without Numba's look at the type of each argument.
+
+    Whoever calls it vouches that the arrays are of the signature's kinds; `packing.py` does.
+    """
+    dispatcher: Any = function
+    (overload,) = dispatcher.overloads.values()
+    return cast(Callable[..., Any], overload.entry_point)
+
+
+@cache
+def entry() -> Callable[..., Answer]:
+    """Return the routine to be called with what `packed` returns."""
+    return unchecked(compiled())

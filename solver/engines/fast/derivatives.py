@@ -8,10 +8,10 @@ import numpy as np
 from numba import types
 
 from solver.arrays import FloatArray
-from solver.engines.fast.compiled import compile_cached
+from solver.engines.fast.compiled import compile_cached, unchecked
 from solver.engines.fast.jit import kernel
 from solver.engines.fast.layout import Team
-from solver.engines.fast.newton import WHOLE_TEAM, differentiate, evaluate, own_controls
+from solver.engines.fast.newton import GROUP, differentiate, evaluate, own_controls
 from solver.engines.fast.packing import packed
 from solver.engines.fast.request import (
     Hazards,
@@ -50,7 +50,7 @@ def joint_derivatives(problem: Problem, controls: FloatArray) -> Derivatives:
 
     The team must be small enough to be improved as a whole (`tables.fits_jointly`).
     """
-    result: Derivatives = _compiled()(*packed(problem, controls, Budget()), WHOLE_TEAM)
+    result: Derivatives = _compiled()(*packed(problem, controls, Budget()), GROUP)
     return result
 
 
@@ -58,7 +58,7 @@ def joint_derivatives(problem: Problem, controls: FloatArray) -> Derivatives:
 def _compiled() -> Callable[..., Any]:
     number = types.float64
     answer = types.Tuple((number, number, types.Array(number, 1, "C"), types.Array(number, 2, "C")))
-    return compile_cached(local, answer(*request_types(), types.int64))
+    return unchecked(compile_cached(local, answer(*request_types(), types.int64)))
 
 
 def local(
@@ -74,7 +74,7 @@ def local(
     team = assemble(movement, targets, sensing, communication, safety, start)
     begin(team, start.previous)
     size = own_controls(team, robot)
-    rows = gather(team, robot) if robot != WHOLE_TEAM else 0
+    rows = gather(team, robot) if robot != GROUP else 0
     u = np.empty(size)
     _copy_plans(team, robot, u)
     searched = evaluate(team, robot, rows, u)
@@ -87,14 +87,14 @@ def local(
 @kernel
 def _copy_plans(team: Team, robot: int, u: FloatArray) -> None:
     size = 2 * team.setting[0].steps
-    first = 0 if robot == WHOLE_TEAM else robot
+    first = 0 if robot == GROUP else robot
     for at in range(u.shape[0]):
         u[at] = team.robots[first + at // size].plan[at % size]
 
 
 @kernel
 def _copy_out(team: Team, robot: int, gradient: FloatArray, hessian: FloatArray) -> None:
-    work = team.work[1 if robot == WHOLE_TEAM else 0]
+    work = team.work[1 if robot == GROUP else 0]
     for row in range(gradient.shape[0]):
         gradient[row] = work.gradient[row]
         for column in range(gradient.shape[0]):

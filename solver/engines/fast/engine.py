@@ -3,7 +3,7 @@
 from math import isfinite
 from time import thread_time
 
-from solver.engines.fast.compiled import compiled
+from solver.engines.fast.compiled import entry
 from solver.engines.fast.layout import MAX_STEPS
 from solver.engines.fast.packing import packed
 from solver.problem import Budget, EngineFailed, Problem, Rung, Solution
@@ -25,15 +25,13 @@ class FastEngine:
         """
         if not 1 <= problem.horizon <= MAX_STEPS:
             raise EngineFailed(f"horizon {problem.horizon} is not within 1 to {MAX_STEPS}")
-        run = compiled()
+        run = entry()
         began = thread_time()
-        controls, positions, velocities, objective, steps, converged = run(
-            *packed(problem, problem.previous, budget)
-        )
+        plans, objective, steps, converged = run(*packed(problem, problem.previous, budget))
         if not isfinite(objective):
             raise EngineFailed(f"the objective is {objective}")
-        for array in (controls, positions, velocities):
-            array.setflags(write=False)
+        plans.setflags(write=False)
+        controls, positions, velocities = plans
         return Solution(
             robot_ids=problem.robot_ids,
             controls=controls,

@@ -1,4 +1,4 @@
-"""The team's problem as one: all robots' controls together, for small teams.
+"""The problem of a group as one: the controls of all robots, or of a pair, for small teams.
 
 Sweeps over the robots converge slowly where two of them see one target from close by: each
 answers the other's last move. Newton steps on all controls together do not. The gradient and
@@ -10,8 +10,9 @@ through the farthest mate, and is left to the sweeps: it costs iterations, not c
 from math import sqrt
 
 from solver.arrays import FloatArray
+from solver.engines.fast.glimpse import add_joint_glimpse
 from solver.engines.fast.hinges import bears
-from solver.engines.fast.jit import kernel
+from solver.engines.fast.jit import inlined, kernel
 from solver.engines.fast.layout import Team
 from solver.engines.fast.robot import expand, gather, settle, team_cost
 from solver.engines.fast.rollout import pull_bend
@@ -19,61 +20,75 @@ from solver.engines.fast.tracking import add_joint_tracking
 
 
 @kernel
+def everybody(team: Team) -> None:
+    """Make the whole team the group."""
+    joint = team.work[1]
+    joint.members = team.robots.shape[0]
+    for i in range(joint.members):
+        joint.group[i] = i
+
+
+@kernel
 def place(team: Team, u: FloatArray) -> None:
-    """Make u (2HM,) the plans of all robots."""
+    """Make u (2H members,) the group's plans."""
+    joint, plan = team.work[1], team.work[0].u
     size = 2 * team.setting[0].steps
-    plan = team.work[0].u
-    for i in range(team.robots.shape[0]):
+    for member in range(joint.members):
+        i = joint.group[member]
+        stands = True
         for at in range(size):
-            plan[at] = u[i * size + at]
-        settle(team, i, plan)
+            plan[at] = u[member * size + at]
+            stands = stands and plan[at] == team.robots[i].plan[at]
+        if not stands:
+            settle(team, i, plan)
 
 
 @kernel
 def read_plans(team: Team, u: FloatArray) -> None:
-    """Fill u (2HM,) with the plans as they stand."""
+    """Fill u (2H members,) with the group's plans as they stand."""
+    joint = team.work[1]
     size = 2 * team.setting[0].steps
-    for i in range(team.robots.shape[0]):
+    for member in range(joint.members):
+        plan = team.robots[joint.group[member]].plan
         for at in range(size):
-            u[i * size + at] = team.robots[i].plan[at]
+            u[member * size + at] = plan[at]
 
 
 @kernel
 def joint_cost(team: Team, u: FloatArray) -> float:
-    """Return the team's objective for the controls u (2HM,), which become the plans."""
+    """Return the team's objective for the controls u (2H members,), which become the plans."""
     place(team, u)
     return team_cost(team)
 
 
 @kernel
-def expand_joint(team: Team, u: FloatArray) -> float:
-    """Fill gradient and Hessian of the team's objective at u, return the objective."""
+def expand_joint(team: Team) -> None:
+    """Fill gradient and Hessian of the team's objective by the group's plans as they stand."""
     work, joint = team.work[0], team.work[1]
     size = 2 * team.setting[0].steps
-    value = joint_cost(team, u)
-    for i in range(team.robots.shape[0]):
+    for member in range(joint.members):
+        i = joint.group[member]
         expand(team, i, gather(team, i), team.robots[i].plan)
         for at in range(size):
-            joint.gradient[i * size + at] = work.gradient[at]
-        _store(team, i, i)
-        for mate in range(i):
-            _expand_pair(team, i, mate)
-            _store(team, i, mate)
-    return value
+            joint.gradient[member * size + at] = work.gradient[at]
+        _store(team, member, member)
+        for other in range(member):
+            _expand_pair(team, i, joint.group[other])
+            _store(team, member, other)
 
 
-@kernel
-def _store(team: Team, i: int, mate: int) -> None:
-    """Copy work.bend to its place and its mirror image's in the team's Hessian."""
+@inlined
+def _store(team: Team, member: int, other: int) -> None:
+    """Copy work.bend to its place and its mirror image's in the group's Hessian."""
     bend, joint = team.work[0].bend, team.work[1].bend
     size = 2 * team.setting[0].steps
     for row in range(size):
         for column in range(size):
-            joint[i * size + row, mate * size + column] = bend[row, column]
-            joint[mate * size + column, i * size + row] = bend[row, column]
+            joint[member * size + row, other * size + column] = bend[row, column]
+            joint[other * size + column, member * size + row] = bend[row, column]
 
 
-@kernel
+@inlined
 def _expand_pair(team: Team, i: int, mate: int) -> None:
     """Fill work.bend with the block between robot i, which was expanded last, and a mate."""
     robot, bend = team.robots[i], team.work[0].bend
@@ -83,21 +98,24 @@ def _expand_pair(team: Team, i: int, mate: int) -> None:
             bend[row, column] = 0.0
     coupled = False
     for at in range(robot.sees[0], robot.sees[1]):
-        j = team.edges[at].target
-        watch = team.targets[j].watch
+        watch = team.targets[team.edges[at].target].watch
         for entry in range(watch[0], watch[1]):
-            if team.edges[team.watch[entry]].robot == mate:
-                add_joint_tracking(team, j, at - robot.sees[0], mate)
+            other = team.watch[entry]
+            if team.edges[other].robot == mate:
+                if size == 2:
+                    add_joint_glimpse(team, at, other)
+                else:
+                    add_joint_tracking(team, at, mate)
                 coupled = True
     for entry in range(robot.near[0], robot.near[1]):
         if team.near[entry] == mate:
             _add_pair_separation(team, i, mate)
             coupled = True
     if coupled:
-        pull_bend(team)
+        pull_bend(team.setting[0], team.work[0])
 
 
-@kernel
+@inlined
 def _add_pair_separation(team: Team, i: int, mate: int) -> None:
     """Subtract the pair's separation hinges: their Hessian between two robots is minus the own."""
     setting, work, bend = team.setting[0], team.work[0], team.work[0].bend

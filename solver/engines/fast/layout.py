@@ -93,7 +93,9 @@ TARGET = np.dtype(
     [
         ("means", "f8", _PER_STEP),
         ("prior", "f8", (3,)),  # eigenvalues clamped
+        ("known", "f8", (3,)),  # its inverse
         ("growth", "f8", (MAX_STEPS, 3)),
+        ("posterior", "f8", (3,)),  # at one step, see `glimpse.py`
         ("watch", "i8", (2,)),  # row of the list of edges that see it
     ],
     align=True,
@@ -104,6 +106,8 @@ EDGE = np.dtype(
         ("robot", "i8"),
         ("target", "i8"),
         ("information", "f8", (MAX_STEPS, 3)),  # what the robot's plan contributes
+        ("others", "f8", (MAX_STEPS, 3)),  # what the others' do, while the robot is at work
+        ("slope", "f8", (6,)),  # derivatives by x and by y at one step, see `glimpse.py`
     ],
     align=True,
 )
@@ -149,6 +153,16 @@ WORK = np.dtype(
         ("choices", "i8", (CHOICES,)),  # numbers of the most promising ones
         ("prices", "f8", (CHOICES,)),  # their costs
         ("grid", "f8", (COARSE**4,)),  # costs of a pair's constant plans
+        (
+            "places",
+            "f8",
+            (2, COARSE**2 + 1, 2),
+        ),  # where those and the present ones lead in one step
+        ("alone", "f8", (2, COARSE**2 + 1)),  # their costs without the other
+        ("told", "f8", (2, COARSE**2 + 1, 3)),  # their information of one target
+        ("stands", "f8"),  # cost of the present ones
+        ("group", "i8", (MAX_JOINT // 2,)),  # robots whose plans are improved together
+        ("members", "i8"),  # how many
         ("direction", "f8", _JOINT),
         ("gradient", "f8", _JOINT),  # by controls
         ("path", "f8", _PER_STEP),
@@ -219,9 +233,6 @@ class Team(NamedTuple):
 
     work: Table
     """(1,) WORK of the robot at work; (2,) where the team can be at work as a whole."""
-
-    others: FloatArray
-    """(D, H, 3) information of the others on each target of the robot at work."""
 
     lengths: FloatArray
     """(M,) distances, or weights, of one robot's mates."""

@@ -4,7 +4,7 @@ The first step's limits are hard and stand in the box of the controls instead.
 """
 
 from solver.arrays import FloatArray
-from solver.engines.fast.jit import inlined, kernel
+from solver.engines.fast.jit import inlined
 from solver.engines.fast.layout import Team
 
 
@@ -16,7 +16,7 @@ def _excess(value: float, lower: float, upper: float) -> float:
     return value - upper if value > upper else 0.0
 
 
-@kernel
+@inlined
 def limits_cost(team: Team, i: int, u: FloatArray) -> float:
     """Return effort and hinges of robot i for controls (2H,) and the path they lead to."""
     setting, robot, work = team.setting[0], team.robots[i], team.work[0]
@@ -35,7 +35,7 @@ def limits_cost(team: Team, i: int, u: FloatArray) -> float:
     return total
 
 
-@kernel
+@inlined
 def add_limits(team: Team, i: int) -> None:
     """Add the derivatives of the hinges by the path; those by velocities are set."""
     setting, robot, work = team.setting[0], team.robots[i], team.work[0]

@@ -1,9 +1,9 @@
-"""Projected Newton (Bertsekas 1982, two-metric projection): one robot's problem or the team's."""
+"""Projected Newton (Bertsekas 1982, two-metric projection): one robot's problem or a group's."""
 
 from math import inf
 
 from solver.arrays import FloatArray
-from solver.engines.fast.clock import now
+from solver.engines.fast.clock import is_past
 from solver.engines.fast.factors import (
     cholesky,
     factor_indefinite,
@@ -19,8 +19,9 @@ from solver.engines.fast.robot import cost, expand
 TOLERANCE = 1e-7
 """A predicted decrease below this part of the robot's cost ends its iterations."""
 
-_OPTIMISM = 4.0
-"""How many times the decrease predicted by one Newton step may still be ahead."""
+_OPTIMISM, _JOINT_OPTIMISM = 4.0, 2.0
+"""How many times the decrease predicted by one Newton step may still be ahead, of one robot and of
+several: the latter step from plans that are good for all but one or two."""
 
 _ARMIJO = 1e-4
 _TRIALS = 2
@@ -44,20 +45,21 @@ _GIVEN_UP = 1e-10
 """A damped step that promises less than this part of the cost ends the iterations."""
 
 
-WHOLE_TEAM = -1
-"""In place of a robot: all controls together (`joint.py`), scratch in team.work[1]."""
+GROUP = -1
+"""In place of a robot: the group's controls together (`joint.py`), scratch in team.work[1]."""
 
 
 @kernel
 def own_controls(team: Team, i: int) -> int:
     """Fill the bounds of whoever is at work; return the number of their controls."""
     size: int = 2 * team.setting[0].steps
-    if i != WHOLE_TEAM:
+    if i != GROUP:
         _copy_bounds(team.robots[i], team.work[0], 0, size)
         return size
-    for mate in range(team.robots.shape[0]):
-        _copy_bounds(team.robots[mate], team.work[1], mate * size, size)
-    return size * len(team.robots)
+    joint = team.work[1]
+    for place in range(joint.members):
+        _copy_bounds(team.robots[joint.group[place]], joint, place * size, size)
+    return size * int(joint.members)
 
 
 @kernel
@@ -120,13 +122,26 @@ def _aim(work: Table, count: int, damping: float) -> float:
 @merged
 def evaluate(team: Team, i: int, rows: int, u: FloatArray) -> float:
     """Return the cost of whoever is at work."""
-    return cost(team, i, rows, u) if i != WHOLE_TEAM else joint_cost(team, u)
+    return cost(team, i, rows, u) if i != GROUP else joint_cost(team, u)
 
 
 @merged
 def differentiate(team: Team, i: int, rows: int, u: FloatArray) -> float:
     """Return the same, gradient and Hessian filled."""
-    return expand(team, i, rows, u) if i != WHOLE_TEAM else expand_joint(team, u)
+    if i != GROUP:
+        return expand(team, i, rows, u)
+    value = joint_cost(team, u)
+    expand_joint(team)
+    return value
+
+
+@merged
+def renewed(team: Team, i: int, rows: int, u: FloatArray, value: float) -> float:
+    """Return the same at u, the controls evaluated last, which cost `value`."""
+    if i != GROUP:
+        return expand(team, i, rows, u)
+    expand_joint(team)
+    return value
 
 
 @merged
@@ -137,7 +152,7 @@ def _search(
 
     u stays as it was, and `start` is returned, where no step decreases it.
     """
-    work = team.work[1 if i == WHOLE_TEAM else 0]
+    work = team.work[1 if i == GROUP else 0]
     length = 1.0
     for _ in range(trials):
         slope = 0.0
@@ -155,10 +170,11 @@ def _search(
 
 
 @kernel
-def _meets(work: Table, i: int, u: FloatArray, size: int) -> bool:
+def meets(work: Table, i: int, u: FloatArray, size: int) -> bool:
     """Return whether u has come so near the plan to be beaten that it would end there."""
+    own = size // work.members if i == GROUP else size
     for at in range(size):
-        known = work.best[at] if i != WHOLE_TEAM else work.kept[at]
+        known = work.best[at] if i != GROUP else work.kept[work.group[at // own] * own + at % own]
         if abs(u[at] - known) > _MEETING * (work.upper[at] - work.lower[at]):
             return False
     return True
@@ -171,14 +187,14 @@ def _guarded(team: Team, i: int, rows: int, u: FloatArray, start: float, size: i
     Returns the cost; where nothing came of it, that is `start` and the derivatives are as
     they were.
     """
-    work = team.work[1 if i == WHOLE_TEAM else 0]
+    work = team.work[1 if i == GROUP else 0]
     own = 2 * team.setting[0].steps
     for first in range(0, size, own):
-        note_shift(team, i if i != WHOLE_TEAM else first // own, work, u, first)
+        note_shift(team, i if i != GROUP else work.group[first // own], work, u, first)
     team.work[0].springs = 0
     differentiate(team, i, rows, u)
     for first in range(0, size, own):
-        forget_shift(team, i if i != WHOLE_TEAM else first // own)
+        forget_shift(team, i if i != GROUP else work.group[first // own])
     reached = start
     if team.work[0].springs > 0:
         count = _find_free(work, u, size)
@@ -195,13 +211,14 @@ def descend(
 ) -> tuple[float, float, int, bool]:
     """Improve u (2H,) by at most `most` Newton steps, while the cost may still end below `goal`.
 
-    A finite goal is what the plan in work.best costs, or the team's in work.kept.
+    A finite goal is what the plan in work.best costs, or the team's with those in work.kept.
 
-    For the whole team u has 2HM controls, and whatever was tried last stands as the plans.
+    For a group u has 2H controls for each, and whatever was tried last stands as the plans.
     Returns the cost before and after, the steps taken, and whether it has converged.
     """
-    work = team.work[1 if i == WHOLE_TEAM else 0]
+    work = team.work[1 if i == GROUP else 0]
     size = own_controls(team, i)
+    optimism = _JOINT_OPTIMISM if i == GROUP else _OPTIMISM
     value = before = differentiate(team, i, rows, u)
     damping = 0.0
     for step in range(most):
@@ -211,7 +228,7 @@ def descend(
             predicted = _aim(work, count, damping) if count > 0 else 0.0
             if not predicted > (TOLERANCE if damping == 0.0 else _GIVEN_UP) * value:
                 return before, value, step, True
-            if value - _OPTIMISM * predicted > goal and damping == 0.0:
+            if value - optimism * predicted > goal and damping == 0.0:
                 return before, value, step, False
             trials = _TRIALS if damping == 0.0 else _DAMPED_TRIALS
             reached = _search(team, i, rows, u, value, size, trials)
@@ -227,11 +244,11 @@ def descend(
             return before, value, step, True
         promise = value - reached > 0.5 * predicted
         value = reached
-        if step + 1 == most or now(team.work[0].timespec) > deadline:
+        if step + 1 == most or is_past(deadline, team.work[0].timespec):
             return before, value, step + 1, False
-        if goal < inf and _meets(work, i, u, size):
+        if goal < inf and meets(work, i, u, size):
             return before, value, step + 1, False
         if promise:
             damping = 0.1 * damping if damping > _LEAST_DAMPING * _largest(work, count) else 0.0
-        value = differentiate(team, i, rows, u)
+        value = renewed(team, i, rows, u, value)
     return before, value, most, False

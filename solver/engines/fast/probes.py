@@ -45,8 +45,10 @@ _CLOSE_M = 0.8
 """Plans are turned about targets nearer than this."""
 
 _THOROUGH_SLACK = 1.0
+_LATER_SLACK = 0.1
 _USUAL_SLACK = 0.01
-"""Fresh starts dearer than the plan by more than this part of it are not followed up."""
+"""Fresh starts dearer than the plan by more than this part of it are not followed up. The second is
+for the rounds after the first at one step."""
 
 
 @kernel
@@ -85,28 +87,33 @@ def _numbers(team: Team, i: int) -> int:
 
 
 @kernel
-def rank_starts(team: Team, i: int, rows: int, value: float) -> None:
+def rank_starts(team: Team, i: int, rows: int, value: float, later: bool) -> None:
     """Fill work.choices with the numbers of the best fresh starts for robot i, -1 for none.
 
-    The plan to be replaced stands in work.base (2H,) and costs `value`.
+    The plan to be replaced stands in work.base (2H,) and costs `value`. What does not depend on
+    it has been looked at in `later` rounds at one step.
     """
-    robot, work = team.robots[i], team.work[0]
+    robot, work, steps = team.robots[i], team.work[0], team.setting[0].steps
     slack = _THOROUGH_SLACK if robot.effort > _USUAL else _USUAL_SLACK
+    first = 0
+    if steps == 1 and later:
+        slack = min(slack, _LATER_SLACK)
+        first = _GRID + robot.sees[1] - robot.sees[0]
     most = breadth(robot.effort)
     forget(work, value + slack * abs(value))
-    gridded = _GRID if team.setting[0].steps == 1 else 0
-    for number in range(_numbers(team, i)):
+    if steps == 1 and not later:
+        first = _GRID
+        for number in range(_GRID):
+            hold(robot, _FINE, number, 0, 1, work.u)
+            work.grid[number] = cost(team, i, rows, work.u)
+        for number in range(_GRID):
+            if is_valley(work.grid, number, _FINE, 2):
+                remember(work, number, work.grid[number], most)
+    for number in range(first, _numbers(team, i)):
         if robot.effort < TIRELESS and not _is_worth_it(team, i, number):
             continue
         if fresh_start(team, i, number, work.u):
-            price = cost(team, i, rows, work.u)
-            if number < gridded:
-                work.grid[number] = price
-            else:
-                remember(work, number, price, most)
-    for number in range(gridded):
-        if is_valley(work.grid, number, _FINE, 2):
-            remember(work, number, work.grid[number], most)
+            remember(work, number, cost(team, i, rows, work.u), most)
 
 
 @kernel
@@ -171,12 +178,12 @@ def fresh_start(team: Team, i: int, number: int, u: FloatArray) -> bool:
     steps = team.setting[0].steps
     constants = _constants(steps)
     if number < constants:
-        hold(team, i, _FINE if steps == 1 else COARSE, number, 0, u)
+        hold(team.robots[i], _FINE if steps == 1 else COARSE, number, 0, steps, u)
         return True
     number -= constants
     if team.setting[0].double:
         copy_plan(team, team.work[0].base, u)
-        hold(team, i, COARSE, number % CONSTANTS, 1 + number // CONSTANTS, u)
+        hold(team.robots[i], COARSE, number % CONSTANTS, 1 + number // CONSTANTS, steps, u)
         return True
     first = team.robots[i].sees[0]
     targets = team.robots[i].sees[1] - first
@@ -191,7 +198,7 @@ def fresh_start(team: Team, i: int, number: int, u: FloatArray) -> bool:
         single = (kind - 1) % 2
         if single == 1 and step == steps - 1:
             return False
-        return _turned_plan(team, i, j, step, 1 + (kind - 1) // 2, single, u)
+        return turned_plan(team, i, j, step, 1 + (kind - 1) // 2, single, u)
     number -= targets * steps * (1 + 2 * _QUARTERS)
     other = team.edges[first + number // targets % targets].target
     if other == j:
@@ -202,14 +209,13 @@ def fresh_start(team: Team, i: int, number: int, u: FloatArray) -> bool:
 
 
 @kernel
-def hold(team: Team, i: int, side: int, number: int, first: int, u: FloatArray) -> None:
+def hold(robot: Table, side: int, number: int, first: int, steps: int, u: FloatArray) -> None:
     """Fill u (2H,) from step `first` on with a constant plan on a grid over the box.
 
     The grid has `side` lines each way; rest is in its middle.
     """
-    robot = team.robots[i]
     half = side // 2
-    for at in range(2 * first, 2 * team.setting[0].steps):
+    for at in range(2 * first, 2 * steps):
         place = (number // side if at % 2 == 0 else number % side) - half
         lower, upper = robot.lower[at], robot.upper[at]
         value = upper if place > 0 else lower
@@ -231,7 +237,7 @@ def _chase(team: Team, i: int, j: int, first: int, u: FloatArray) -> None:
 
 
 @kernel
-def _turned_plan(
+def turned_plan(
     team: Team, i: int, j: int, first: int, quarters: int, single: int, u: FloatArray
 ) -> bool:
     """Fill u (2H,) with work.base turned about target j from step `first` on, or then alone.

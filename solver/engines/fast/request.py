@@ -187,6 +187,6 @@ def request_types() -> tuple[Any, ...]:
 
 def signature() -> Any:
     """Return the explicit signature of the compiled routine."""
-    plan = types.Array(types.float64, 3, "C")
-    answer = types.Tuple((plan, plan, plan, types.float64, types.int64, types.boolean))
+    plans = types.Array(types.float64, 4, "C")
+    answer = types.Tuple((plans, types.float64, types.int64, types.boolean))
     return answer(*request_types())

@@ -5,12 +5,13 @@ what is left out is constant in the robot's own controls (2H,).
 """
 
 from solver.arrays import FloatArray
+from solver.engines.fast.glimpse import add_glimpse
 from solver.engines.fast.jit import kernel
 from solver.engines.fast.layout import Team
 from solver.engines.fast.limits import add_limits, limits_cost
 from solver.engines.fast.rollout import pull_back, roll
 from solver.engines.fast.rows import add_rows, gather_rows, rows_cost
-from solver.engines.fast.separation import add_separation, discs_cost, pairs_cost
+from solver.engines.fast.separation import NOBODY, add_separation, discs_cost, pairs_cost
 from solver.engines.fast.spread import add_jamming, jamming_cost, refresh_clearance
 from solver.engines.fast.tracking import (
     add_tracking,
@@ -26,7 +27,8 @@ from solver.engines.fast.zones import add_keep_out, keep_out_cost
 def gather(team: Team, i: int) -> int:
     """Collect what the other robots fix in robot i's problem, return the number of rows."""
     gather_information(team, i)
-    return gather_rows(team, i)
+    robot = team.robots[i]
+    return gather_rows(team, i) if robot.rows[0] < robot.rows[1] else 0
 
 
 @kernel
@@ -35,10 +37,14 @@ def cost(team: Team, i: int, rows: int, u: FloatArray) -> float:
     robot = team.robots[i]
     roll(team, i, u)
     traces = 0.0
-    for edge in range(robot.sees[0], robot.sees[1]):
-        traces += trace(team, team.edges[edge].target, edge - robot.sees[0])
-    total = limits_cost(team, i, u) + keep_out_cost(team, i) + jamming_cost(team, i)
-    total += pairs_cost(team, i) + discs_cost(team, i) + rows_cost(team, rows)
+    for at in range(robot.sees[0], robot.sees[1]):
+        traces += trace(team, at)
+    total = limits_cost(team, i, u) + keep_out_cost(team, i)
+    total += pairs_cost(team, i, NOBODY) + discs_cost(team, i)
+    if robot.jams[0] < robot.jams[1]:
+        total += jamming_cost(team, i)
+    if rows > 0:
+        total += rows_cost(team, rows)
     return total + float(team.setting[0].tracking) * traces
 
 
@@ -55,11 +61,14 @@ def expand(team: Team, i: int, rows: int, u: FloatArray) -> float:
             work.bend[row, column] = 0.0
     total = limits_cost(team, i, u)
     add_limits(team, i)
-    for edge in range(robot.sees[0], robot.sees[1]):
-        total += add_tracking(team, team.edges[edge].target, edge - robot.sees[0])
-    total += add_keep_out(team, i) + add_jamming(team, i)
-    total += add_separation(team, i) + add_rows(team, rows)
-    pull_back(team)
+    for at in range(robot.sees[0], robot.sees[1]):
+        total += add_glimpse(team, at) if size == 2 else add_tracking(team, at)
+    total += add_keep_out(team, i) + add_separation(team, i)
+    if robot.jams[0] < robot.jams[1]:
+        total += add_jamming(team, i)
+    if rows > 0:
+        total += add_rows(team, rows)
+    pull_back(team.setting[0], work)
     for at in range(size):
         work.bend[at, at] += 2.0 * effort
     return total
@@ -95,6 +104,8 @@ def team_cost(team: Team) -> float:
     for i in range(team.robots.shape[0]):
         plan = team.robots[i].plan
         roll(team, i, plan)
-        total += limits_cost(team, i, plan) + keep_out_cost(team, i) + jamming_cost(team, i)
-        total += 0.5 * pairs_cost(team, i) + discs_cost(team, i)
+        total += limits_cost(team, i, plan) + keep_out_cost(team, i)
+        total += 0.5 * pairs_cost(team, i, NOBODY) + discs_cost(team, i)
+        if team.robots[i].jams[0] < team.robots[i].jams[1]:
+            total += jamming_cost(team, i)
     return float(total)

@@ -1,11 +1,11 @@
 """Motion over the horizon: plans to paths, and derivatives back from paths to plans."""
 
 from solver.arrays import FloatArray
-from solver.engines.fast.jit import kernel, merged
-from solver.engines.fast.layout import Team
+from solver.engines.fast.jit import inlined, kernel, merged
+from solver.engines.fast.layout import Table, Team
 
 
-@kernel
+@inlined
 def roll(team: Team, i: int, u: FloatArray) -> None:
     """Fill path and speeds in the work record with where the controls u (2H,) lead."""
     setting, robot, work = team.setting[0], team.robots[i], team.work[0]
@@ -26,12 +26,11 @@ def roll(team: Team, i: int, u: FloatArray) -> None:
 
 
 @kernel
-def pull_back(team: Team) -> None:
+def pull_back(setting: Table, work: Table) -> None:
     """Turn gradient and Hessian by positions and velocities into those by controls.
 
     Adds to work.gradient (2H,); transforms work.bend (2H, 2H) in place.
     """
-    setting, work = team.setting[0], team.work[0]
     h, steps, double = setting.step, setting.steps, setting.double
     half = 0.5 * h * h
     for axis in range(2):
@@ -42,16 +41,15 @@ def pull_back(team: Team) -> None:
             by_x += work.slope[k, axis]
             pulled = half * by_x + h * by_v if double else h * by_x
             work.gradient[2 * k + axis] += pulled
-    pull_bend(team)
+    pull_bend(setting, work)
     if double:
-        _add_speed_bend(team)
+        _add_speed_bend(setting, work)
 
 
 @kernel
-def pull_bend(team: Team) -> None:
+def pull_bend(setting: Table, work: Table) -> None:
     """Turn work.bend (2H, 2H) by two paths into that by the controls that lead along them."""
-    setting, bend = team.setting[0], team.work[0].bend
-    h, double = setting.step, setting.double
+    bend, h, double = work.bend, setting.step, setting.double
     half = 0.5 * h * h
     size = 2 * setting.steps
     for axis in range(2):
@@ -71,12 +69,11 @@ def pull_bend(team: Team) -> None:
 
 
 @merged
-def _add_speed_bend(team: Team) -> None:
-    work = team.work[0]
-    h = team.setting[0].step
+def _add_speed_bend(setting: Table, work: Table) -> None:
+    h = setting.step
     for axis in range(2):
         total = 0.0
-        for k in range(team.setting[0].steps - 1, -1, -1):
+        for k in range(setting.steps - 1, -1, -1):
             total += h * h * work.speed_bend[k, axis]
             if total == 0.0:
                 continue

@@ -4,6 +4,7 @@ import numpy as np
 
 from solver.arrays import FloatArray
 from solver.engines.fast.jit import kernel, merged
+from solver.engines.fast.joint import everybody
 from solver.engines.fast.layout import Team
 from solver.engines.fast.request import Hazards, Movement, Safety, Start, Targets
 from solver.engines.fast.robot import settle, team_cost
@@ -11,7 +12,7 @@ from solver.engines.fast.rollout import roll
 from solver.engines.fast.sweeps import improve
 from solver.engines.fast.tables import assemble
 
-Answer = tuple[FloatArray, FloatArray, FloatArray, float, int, bool]
+Answer = tuple[FloatArray, float, int, bool]
 
 
 def routine(
@@ -25,16 +26,15 @@ def routine(
     """Minimise the team's objective.
 
     Returns:
-        Controls, positions and velocities, each (M, H, 2); the objective; Newton steps of the
-        robot that took most; whether it converged.
+        Controls, positions and velocities (3, M, H, 2); the objective; Newton steps of the robot
+        that took most; whether it converged.
     """
     team = assemble(movement, targets, sensing, communication, safety, start)
     begin(team, start.previous)
     converged = improve(team, team_cost(team), start.iterations, start.deadline)
-    shape = (team.robots.shape[0], team.setting[0].steps, 2)
-    controls, positions, velocities = np.empty(shape), np.empty(shape), np.empty(shape)
-    most = _read_plans(team, controls, positions, velocities)
-    return controls, positions, velocities, team_cost(team), most, converged
+    plans = np.empty((3, team.robots.shape[0], team.setting[0].steps, 2))
+    most = _read_plans(team, plans)
+    return plans, team_cost(team), most, converged
 
 
 @merged
@@ -49,12 +49,12 @@ def begin(team: Team, previous: FloatArray) -> None:
                 value = previous[i, at // 2, at % 2]
             u[at] = min(max(value, robot.lower[at]), robot.upper[at])
         settle(team, i, u)
+    if team.work.shape[0] > 1:
+        everybody(team)
 
 
 @kernel
-def _read_plans(
-    team: Team, controls: FloatArray, positions: FloatArray, velocities: FloatArray
-) -> int:
+def _read_plans(team: Team, plans: FloatArray) -> int:
     """Copy the plans out; return the Newton steps of the robot that took most."""
     most = 0
     for i in range(team.robots.shape[0]):
@@ -62,8 +62,8 @@ def _read_plans(
         roll(team, i, robot.plan)
         for k in range(team.setting[0].steps):
             for axis in range(2):
-                controls[i, k, axis] = robot.plan[2 * k + axis]
-                positions[i, k, axis] = work.path[k, axis]
-                velocities[i, k, axis] = work.speeds[k, axis]
+                plans[0, i, k, axis] = robot.plan[2 * k + axis]
+                plans[1, i, k, axis] = work.path[k, axis]
+                plans[2, i, k, axis] = work.speeds[k, axis]
         most = max(most, robot.taken)
     return most

@@ -6,6 +6,9 @@ from solver.engines.fast.hinges import add_hinge, bears
 from solver.engines.fast.jit import inlined, kernel
 from solver.engines.fast.layout import Table, Team
 
+NOBODY = -1
+"""In place of a robot that is left out."""
+
 
 @inlined
 def apart(dx: float, dy: float, smooth: float) -> float:
@@ -13,41 +16,43 @@ def apart(dx: float, dy: float, smooth: float) -> float:
     return sqrt(dx * dx + dy * dy + smooth * smooth) - smooth
 
 
-@kernel
-def pairs_cost(team: Team, i: int) -> float:
-    """Return the weighted squared hinges between robot i on work.path and its mates."""
+@inlined
+def nearness(setting: Table, dx: float, dy: float) -> float:
+    """Return the weighted squared hinge of two that are (dx, dy) apart."""
+    gap = setting.distance - apart(dx, dy, setting.smooth)
+    return float(setting.separation * gap * gap) if gap > 0.0 else 0.0
+
+
+@inlined
+def pairs_cost(team: Team, i: int, skipped: int) -> float:
+    """Return the weighted squared hinges between robot i on work.path and its mates.
+
+    The mate `skipped` is left out.
+    """
     setting, robot, path = team.setting[0], team.robots[i], team.work[0].path
     total = 0.0
     for entry in range(robot.near[0], robot.near[1]):
+        if team.near[entry] == skipped:
+            continue
         mate = team.robots[team.near[entry]].path
         for k in range(setting.steps):
-            gap = setting.distance - apart(
-                path[k, 0] - mate[k, 0], path[k, 1] - mate[k, 1], setting.smooth
-            )
-            if gap > 0.0:
-                total += setting.separation * gap * gap
+            total += nearness(setting, path[k, 0] - mate[k, 0], path[k, 1] - mate[k, 1])
     return total
 
 
-@kernel
+@inlined
 def discs_cost(team: Team, i: int) -> float:
     """Return the weighted squared hinges between robot i on work.path and obstacles."""
     setting, robot, path = team.setting[0], team.robots[i], team.work[0].path
     total = 0.0
     for entry in range(robot.discs[0], robot.discs[1]):
-        at = team.discs[entry]
+        x, y = team.obstacles[team.discs[entry], 0], team.obstacles[team.discs[entry], 1]
         for k in range(setting.steps):
-            gap = setting.distance - apart(
-                path[k, 0] - team.obstacles[at, 0],
-                path[k, 1] - team.obstacles[at, 1],
-                setting.smooth,
-            )
-            if gap > 0.0:
-                total += setting.separation * gap * gap
+            total += nearness(setting, path[k, 0] - x, path[k, 1] - y)
     return total
 
 
-@kernel
+@inlined
 def add_separation(team: Team, i: int) -> float:
     """Add the derivatives of both by the path, return their sum."""
     setting, robot, work = team.setting[0], team.robots[i], team.work[0]

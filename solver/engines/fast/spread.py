@@ -9,7 +9,7 @@ would not descend the team's objective.
 from math import exp, log
 
 from solver.engines.fast.hinges import add_hinge
-from solver.engines.fast.jit import kernel
+from solver.engines.fast.jit import inlined, kernel
 from solver.engines.fast.layout import Team
 from solver.engines.fast.separation import apart
 from solver.engines.fast.zones import clearance, clearance_derivatives
@@ -57,8 +57,6 @@ def jamming_cost(team: Team, i: int) -> float:
     total = 0.0
     first, last = robot.jams[0], robot.jams[1]
     count = robot.mates[1] - robot.mates[0]
-    if first == last:
-        return total
     for k in range(setting.steps):
         x, y = path[k, 0], path[k, 1]
         farthest = measure(team, i, k, x, y, -1)
@@ -86,8 +84,6 @@ def add_jamming(team: Team, i: int) -> float:
     total = 0.0
     first, last = robot.jams[0], robot.jams[1]
     count = robot.mates[1] - robot.mates[0]
-    if first == last:
-        return total
     for k in range(setting.steps):
         x, y = work.path[k, 0], work.path[k, 1]
         farthest = measure(team, i, k, x, y, -1)
@@ -143,7 +139,7 @@ def _spread_derivatives(
     return gx, gy, xx - sharp * gx * gx, xy - sharp * gx * gy, yy - sharp * gy * gy
 
 
-@kernel
+@inlined
 def refresh_clearance(team: Team, i: int) -> None:
     """Keep the clearances of robot i's plan that its mates' problems read."""
     setting, robot = team.setting[0], team.robots[i]

@@ -8,11 +8,11 @@ whose own problem nobody has changed since it converged is not visited again.
 
 from math import inf
 
-from solver.engines.fast.clock import now
+from solver.engines.fast.clock import is_past
 from solver.engines.fast.jit import kernel, merged
 from solver.engines.fast.joint import place, read_plans
 from solver.engines.fast.layout import Team
-from solver.engines.fast.newton import TOLERANCE, WHOLE_TEAM, descend
+from solver.engines.fast.newton import GROUP, TOLERANCE, descend
 from solver.engines.fast.pairings import probe_pairs
 from solver.engines.fast.probes import (
     HYSTERESIS,
@@ -24,6 +24,7 @@ from solver.engines.fast.probes import (
     rank_starts,
 )
 from solver.engines.fast.robot import copy_plan, gather, settle
+from solver.engines.fast.turns import probe_turns
 
 _SWEEPS = 6
 _SMALL_TEAM_SWEEPS = 12
@@ -37,9 +38,12 @@ _LATER_STEPS = 8
 _PASSES = 2
 """Times that tireless robots look at fresh starts, the later ones where one won."""
 
-_PAIRINGS = 2
-"""Times that pairs look at fresh starts at one step, the later ones where one won. Further ahead
-it cost half as much again as all the rest, and next to nothing was found."""
+_TRIALS = 2
+"""Times that several robots together try fresh starts at one step, the later ones where one won.
+Further ahead pairs cost half as much again as all the rest, and next to nothing was found."""
+
+_TURNING_TEAM = 8
+"""Most robots of a team that tries turned plans: each costs Newton steps of all."""
 
 _JOINT_STEPS = 12
 """Newton steps on all robots' plans together, between two sweeps."""
@@ -56,7 +60,7 @@ def improve(team: Team, objective: float, iterations: int, deadline: float) -> b
     single = team.setting[0].steps == 1
     if count > 0 and (single or team.robots[0].effort == TIRELESS):
         passes = _PASSES
-    pairs = _PAIRINGS if single else 0
+    trials = _TRIALS if single else 0
     shift = _shift(team)
     for sweep in range(sweeps):
         probes = sweep == probing
@@ -67,7 +71,7 @@ def improve(team: Team, objective: float, iterations: int, deadline: float) -> b
             robot = team.robots[i]
             looks = probes and robot.curious
             if robot.stale or looks:
-                if robot.taken >= iterations or now(team.work[0].timespec) > deadline:
+                if robot.taken >= iterations or is_past(deadline, team.work[0].timespec):
                     return False
                 rounds = ROUNDS if looks else 0
                 decrease += visit(team, i, min(most, iterations - robot.taken), rounds, deadline)
@@ -82,26 +86,27 @@ def improve(team: Team, objective: float, iterations: int, deadline: float) -> b
             # Somebody's better valley may have opened one for a mate.
             probing = sweep + 1
         elif converged:
-            before, objective = objective, _paired(team, objective, iterations, deadline, pairs)
-            if not objective < before:
+            reached = _together_afresh(team, objective, iterations, deadline, trials)
+            if not reached < objective:
                 return True
-            pairs -= 1
+            objective = reached
+            trials -= 1
             passes = 1
             probing = sweep + 1
     return _is_fresh(team)
 
 
 @merged
-def _paired(
-    team: Team,
-    objective: float,
-    iterations: int,
-    deadline: float,
-    wanted: int,
+def _together_afresh(
+    team: Team, objective: float, iterations: int, deadline: float, wanted: int
 ) -> float:
-    """Return the objective after fresh starts of pairs, if they are wanted and can be tried."""
-    if wanted > 0 and team.work.shape[0] > 1 and team.near.shape[0] > 0:
-        return probe_pairs(team, objective, iterations, deadline)
+    """Return the objective after fresh starts of several robots, if wanted and possible."""
+    if wanted == 0 or team.work.shape[0] == 1:
+        return objective
+    if team.robots.shape[0] <= _TURNING_TEAM and not team.setting[0].double:
+        objective = probe_turns(team, objective, iterations, deadline)
+    if team.near.shape[0] > 0:
+        objective = probe_pairs(team, objective, iterations, deadline)
     return objective
 
 
@@ -136,7 +141,7 @@ def _together(team: Team, iterations: int, deadline: float) -> tuple[float, bool
     for i in range(team.robots.shape[0]):
         taken = max(taken, team.robots[i].taken)
     most = min(_JOINT_STEPS, iterations - taken)
-    _, objective, steps, converged = descend(team, WHOLE_TEAM, 0, u, most, inf, deadline)
+    _, objective, steps, converged = descend(team, GROUP, 0, u, most, inf, deadline)
     place(team, u)
     for i in range(team.robots.shape[0]):
         team.robots[i].taken += steps
@@ -167,7 +172,7 @@ def visit(team: Team, i: int, most: int, rounds: int, deadline: float) -> float:
     robot, work = team.robots[i], team.work[0]
     rows = gather(team, i)
     first, best = 0.0, inf
-    improved = True
+    improved, later = True, False
     robot.curious = robot.curious and rounds == 0
     copy_plan(team, robot.plan, work.u)
     choices = breadth(robot.effort)
@@ -179,7 +184,8 @@ def visit(team: Team, i: int, most: int, rounds: int, deadline: float) -> float:
                     break
                 improved = False
                 copy_plan(team, work.best, work.base)
-                rank_starts(team, i, rows, best)
+                rank_starts(team, i, rows, best, later)
+                later = True
             if work.choices[choice] < 0:
                 continue
             fresh_start(team, i, work.choices[choice], work.u)

@@ -6,7 +6,6 @@ from solver.engines.fast.box import fill_box, fill_reach
 from solver.engines.fast.jit import kernel, maker, merged
 from solver.engines.fast.layout import (
     MAX_JOINT,
-    MAX_STEPS,
     ROBOT,
     ROW,
     SETTING,
@@ -28,7 +27,7 @@ from solver.engines.fast.lists import (
 )
 from solver.engines.fast.probes import probing_effort
 from solver.engines.fast.request import Hazards, Movement, Safety, Start, Targets
-from solver.engines.fast.symmetric import clamped
+from solver.engines.fast.symmetric import clamped, inverse
 
 
 @merged
@@ -80,14 +79,16 @@ def target_table(setting: Table, targets: Targets) -> Table:
     table = np.zeros(targets.priors.shape[0], TARGET)
     for j in range(table.shape[0]):
         target = table[j]
-        prior = targets.priors
+        given = targets.priors
         target.prior[0], target.prior[1], target.prior[2] = clamped(
-            prior[j, 0, 0],
-            0.5 * (prior[j, 0, 1] + prior[j, 1, 0]),
-            prior[j, 1, 1],
+            given[j, 0, 0],
+            0.5 * (given[j, 0, 1] + given[j, 1, 0]),
+            given[j, 1, 1],
             targets.prior_least,
             targets.prior_greatest,
         )
+        prior = target.prior
+        target.known[0], target.known[1], target.known[2] = inverse(prior[0], prior[1], prior[2])
         for k in range(setting.steps):
             target.means[k, 0] = targets.means[k, j, 0]
             target.means[k, 1] = targets.means[k, j, 1]
@@ -120,13 +121,12 @@ def fits_jointly(robots: int, steps: int) -> int:
 
 
 @merged
-def most_entries(robots: Table) -> tuple[int, int]:
-    """Return the lengths of the longest rows `sees` and `rows`."""
-    sees = rows = 0
+def most_rows(robots: Table) -> int:
+    """Return the length of the longest row `rows`."""
+    most = 0
     for i in range(robots.shape[0]):
-        sees = max(sees, robots[i].sees[1] - robots[i].sees[0])
-        rows = max(rows, robots[i].rows[1] - robots[i].rows[0])
-    return sees, rows
+        most = max(most, robots[i].rows[1] - robots[i].rows[0])
+    return most
 
 
 @merged
@@ -155,7 +155,6 @@ def assemble(
     rows = row_list(robots, mates)
     near = near_list(setting, robots, movement.order)
     discs = disc_list(setting, robots, safety.obstacles)
-    sees, most_rows = most_entries(robots)
     return Team(
         setting=settings,
         robots=robots,
@@ -171,8 +170,7 @@ def assemble(
         near=near,
         discs=discs,
         obstacles=safety.obstacles,
-        work=np.zeros(1 + fits_jointly(robots.shape[0], setting.steps), WORK),
-        others=np.empty((sees, MAX_STEPS, 3)),
+        work=np.empty(1 + fits_jointly(robots.shape[0], setting.steps), WORK),
         lengths=np.empty(robots.shape[0]),
-        binding=np.empty(most_rows * setting.steps, ROW),
+        binding=np.empty(most_rows(robots) * setting.steps, ROW),
     )

@@ -22,12 +22,21 @@ from solver.engines.fast.symmetric import Symmetric, inner, inverse, lifted, san
 
 
 @inlined
+def strengths(setting: Table, squared: float, distance: float) -> tuple[float, float]:
+    """Return a and b, which the information is made of."""
+    inverted = 1.0 / squared
+    fading = across = exp(-setting.range_shape * distance)
+    if setting.bearing_shape != setting.range_shape:
+        across = exp(-setting.bearing_shape * distance)
+    across *= setting.bearing_peak * inverted
+    return setting.range_peak * fading * inverted, across * inverted
+
+
+@inlined
 def information(setting: Table, x: float, y: float) -> Symmetric:
     """Return what a robot at (x, y) relative to the target learns of it."""
     squared = x * x + y * y + setting.floor
-    distance = sqrt(squared)
-    along = setting.range_peak * exp(-setting.range_shape * distance) / squared
-    across = setting.bearing_peak * exp(-setting.bearing_shape * distance) / (squared * squared)
+    along, across = strengths(setting, squared, sqrt(squared))
     return (
         along * x * x + across * y * y,
         (along - across) * x * y,
@@ -35,43 +44,40 @@ def information(setting: Table, x: float, y: float) -> Symmetric:
     )
 
 
-@kernel
-def trace(team: Team, j: int, slot: int) -> float:
-    """Return the sum over the horizon of tr P of target j for the robot on work.path.
+@inlined
+def trace(team: Team, at: int) -> float:
+    """Return the sum over the horizon of tr P of the target of edge `at`, its robot on work.path.
 
-    `team.others[slot]` (H, 3) is what the other robots contribute.
+    What the other robots contribute stands with the edge.
     """
-    setting, target, path, others = team.setting[0], team.targets[j], team.work[0].path, team.others
-    p0, p1, p2 = target.prior[0], target.prior[1], target.prior[2]
-    total = 0.0
+    setting, path, edge = team.setting[0], team.work[0].path, team.edges[at]
+    target, others = team.targets[edge.target], edge.others
+    b0, b1, b2 = target.known[0], target.known[1], target.known[2]
+    p0 = p1 = p2 = total = 0.0
     for k in range(setting.steps):
         if k > 0:
-            p0 += target.growth[k, 0]
-            p1 += target.growth[k, 1]
-            p2 += target.growth[k, 2]
-        b0, b1, b2 = inverse(p0, p1, p2)
+            b0, b1, b2 = inverse(
+                p0 + target.growth[k, 0], p1 + target.growth[k, 1], p2 + target.growth[k, 2]
+            )
         i0, i1, i2 = information(
             setting, path[k, 0] - target.means[k, 0], path[k, 1] - target.means[k, 1]
         )
-        p0, p1, p2 = inverse(
-            b0 + others[slot, k, 0] + i0, b1 + others[slot, k, 1] + i1, b2 + others[slot, k, 2] + i2
-        )
+        p0, p1, p2 = inverse(b0 + others[k, 0] + i0, b1 + others[k, 1] + i1, b2 + others[k, 2] + i2)
         total += p0 + p2
     return total
 
 
-@kernel
+@inlined
 def team_trace(team: Team, j: int) -> float:
-    """Return the same for the information that all robots' plans contribute."""
+    """Return the same for target j and the information that all robots' plans contribute."""
     target = team.targets[j]
-    p0, p1, p2 = target.prior[0], target.prior[1], target.prior[2]
-    total = 0.0
+    b0, b1, b2 = target.known[0], target.known[1], target.known[2]
+    p0 = p1 = p2 = total = 0.0
     for k in range(team.setting[0].steps):
         if k > 0:
-            p0 += target.growth[k, 0]
-            p1 += target.growth[k, 1]
-            p2 += target.growth[k, 2]
-        b0, b1, b2 = inverse(p0, p1, p2)
+            b0, b1, b2 = inverse(
+                p0 + target.growth[k, 0], p1 + target.growth[k, 1], p2 + target.growth[k, 2]
+            )
         for entry in range(target.watch[0], target.watch[1]):
             known = team.edges[team.watch[entry]].information
             b0 += known[k, 0]
@@ -82,7 +88,7 @@ def team_trace(team: Team, j: int) -> float:
     return total
 
 
-@kernel
+@inlined
 def refresh_information(team: Team, i: int) -> None:
     """Keep what robot i's plan tells of its targets."""
     setting, robot = team.setting[0], team.robots[i]
@@ -102,10 +108,10 @@ def refresh_information(team: Team, i: int) -> None:
 
 @merged
 def gather_information(team: Team, i: int) -> None:
-    """Fill team.others with what the other robots tell of robot i's targets."""
-    robot, others = team.robots[i], team.others
+    """Note with robot i's edges what the other robots tell of its targets."""
+    robot = team.robots[i]
     for at in range(robot.sees[0], robot.sees[1]):
-        slot = at - robot.sees[0]
+        others = team.edges[at].others
         target = team.targets[team.edges[at].target]
         for k in range(team.setting[0].steps):
             s0 = s1 = s2 = 0.0
@@ -116,60 +122,59 @@ def gather_information(team: Team, i: int) -> None:
                     s0 += known[k, 0]
                     s1 += known[k, 1]
                     s2 += known[k, 2]
-            others[slot, k, 0], others[slot, k, 1], others[slot, k, 2] = s0, s1, s2
+            others[k, 0], others[k, 1], others[k, 2] = s0, s1, s2
 
 
 @kernel
-def add_tracking(team: Team, j: int, slot: int) -> float:
-    """Add target j's derivatives by work.path; return its weighted cost."""
-    total = _forward(team, j, slot)
+def add_tracking(team: Team, at: int) -> float:
+    """Add the derivatives of edge `at`'s target by work.path; return its weighted cost."""
+    total = _forward(team, at)
     _backward(team, False)
     return float(team.setting[0].tracking) * total
 
 
 @kernel
-def add_joint_tracking(team: Team, j: int, slot: int, mate: int) -> None:
-    """Add target j's second derivatives by work.path (rows) and by a mate's path (columns).
+def add_joint_tracking(team: Team, at: int, mate: int) -> None:
+    """Add second derivatives by work.path (rows) and by a mate's path (columns).
 
-    Both robots see the target; the mate's plan is among what `slot` holds of the others.
+    Edge `at` is that of the robot on work.path to a target that both see.
     """
-    setting, target, work = team.setting[0], team.targets[j], team.work[0]
+    setting, work = team.setting[0], team.work[0]
+    target = team.targets[team.edges[at].target]
     path, chain, twin = team.robots[mate].path, work.chain, work.twin
-    _forward(team, j, slot)
+    _forward(team, at)
     for k in range(setting.steps):
-        _sensing(setting, path[k, 0] - target.means[k, 0], path[k, 1] - target.means[k, 1], twin, k)
+        sensing(setting, path[k, 0] - target.means[k, 0], path[k, 1] - target.means[k, 1], twin, k)
         p0, p1, p2 = chain[k, 3], chain[k, 4], chain[k, 5]
         twin[k, 3], twin[k, 4], twin[k, 5] = p0, p1, p2
-        for at in (10, 13):
-            twin[k, at + 6], twin[k, at + 7], twin[k, at + 8] = sandwich(
-                p0, p1, p2, twin[k, at], twin[k, at + 1], twin[k, at + 2]
+        for by in (10, 13):
+            twin[k, by + 6], twin[k, by + 7], twin[k, by + 8] = sandwich(
+                p0, p1, p2, twin[k, by], twin[k, by + 1], twin[k, by + 2]
             )
     _backward(team, True)
 
 
 @kernel
-def _forward(team: Team, j: int, slot: int) -> float:
+def _forward(team: Team, at: int) -> float:
     """Fill the chain, return the sum of tr P.
 
     Columns: 0 P-^-1, 3 P, 6 A = P P-^-1 (four), 10 and 13 derivative of I by x and by y,
     16 and 19 P dI P likewise, 22, 25 and 28 second derivative of I by xx, xy and yy.
     """
-    setting, target, others = team.setting[0], team.targets[j], team.others
+    setting, edge = team.setting[0], team.edges[at]
+    target, others = team.targets[edge.target], edge.others
     path, chain = team.work[0].path, team.work[0].chain
-    p0, p1, p2 = target.prior[0], target.prior[1], target.prior[2]
-    total = 0.0
+    b0, b1, b2 = target.known[0], target.known[1], target.known[2]
+    p0 = p1 = p2 = total = 0.0
     for k in range(setting.steps):
         if k > 0:
-            p0 += target.growth[k, 0]
-            p1 += target.growth[k, 1]
-            p2 += target.growth[k, 2]
-        b0, b1, b2 = inverse(p0, p1, p2)
-        i0, i1, i2 = _sensing(
+            b0, b1, b2 = inverse(
+                p0 + target.growth[k, 0], p1 + target.growth[k, 1], p2 + target.growth[k, 2]
+            )
+        i0, i1, i2 = sensing(
             setting, path[k, 0] - target.means[k, 0], path[k, 1] - target.means[k, 1], chain, k
         )
-        p0, p1, p2 = inverse(
-            b0 + others[slot, k, 0] + i0, b1 + others[slot, k, 1] + i1, b2 + others[slot, k, 2] + i2
-        )
+        p0, p1, p2 = inverse(b0 + others[k, 0] + i0, b1 + others[k, 1] + i1, b2 + others[k, 2] + i2)
         chain[k, 0], chain[k, 1], chain[k, 2] = b0, b1, b2
         chain[k, 3], chain[k, 4], chain[k, 5] = p0, p1, p2
         chain[k, 6] = p0 * b0 + p1 * b1
@@ -187,12 +192,11 @@ def _forward(team: Team, j: int, slot: int) -> float:
 
 
 @kernel
-def _sensing(setting: Table, x: float, y: float, chain: FloatArray, k: int) -> Symmetric:
+def sensing(setting: Table, x: float, y: float, chain: FloatArray, k: int) -> Symmetric:
     """Store the derivatives of the information of one robot, return it."""
     squared = x * x + y * y + setting.floor
     distance = sqrt(squared)
-    a = setting.range_peak * exp(-setting.range_shape * distance) / squared
-    b = setting.bearing_peak * exp(-setting.bearing_shape * distance) / (squared * squared)
+    a, b = strengths(setting, squared, distance)
     # Logarithmic derivatives by s = |p|^2, then the first and second by s.
     la = -0.5 * setting.range_shape / distance - 1.0 / squared
     lb = -0.5 * setting.bearing_shape / distance - 2.0 / squared

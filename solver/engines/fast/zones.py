@@ -7,7 +7,7 @@ the distance beyond the chance-constrained radius in the direction of the zone's
 from math import sqrt
 
 from solver.engines.fast.hinges import add_hinge, bears
-from solver.engines.fast.jit import kernel
+from solver.engines.fast.jit import inlined, kernel
 from solver.engines.fast.layout import Table, Team
 
 _LEAST = 1e-30
@@ -63,7 +63,7 @@ def clearance_derivatives(
     )
 
 
-@kernel
+@inlined
 def keep_out_cost(team: Team, i: int) -> float:
     """Return the weighted squared hinges of robot i's sensing zones along work.path."""
     setting, robot, path = team.setting[0], team.robots[i], team.work[0].path
@@ -77,7 +77,7 @@ def keep_out_cost(team: Team, i: int) -> float:
     return total
 
 
-@kernel
+@inlined
 def add_keep_out(team: Team, i: int) -> float:
     """Add the derivatives of the same by the path, return it."""
     setting, robot, work = team.setting[0], team.robots[i], team.work[0]

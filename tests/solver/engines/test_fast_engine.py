@@ -104,6 +104,25 @@ def test_two_robots_that_stand_in_each_others_way_move_together(
     assert found <= best * (1.0 + 3e-4)
 
 
+def test_a_robot_goes_to_the_other_side_of_its_target_together_with_its_mates() -> None:
+    """Alone it would find that dearer: there it jams the other, unless that one moves as well."""
+    jammer = Zone(
+        "c0", ZoneKind.COMMUNICATION, (4.24, 4.94), ((0.31, -0.06), (-0.06, 0.79)), 0.107, 0.1
+    )
+    near, far = ((0.0166, -0.0042), (-0.0042, 0.0167)), ((0.0159, 0.0047), (0.0047, 0.021))
+    problem = replace(
+        random_problem(0, robots=2, targets=2, zones=0, obstacles=0, room=4.8),
+        positions=frozen([(4.9, 3.42), (4.69, -1.27)]),
+        sees=frozen_bool(np.ones((2, 2))),
+        target_means=frozen([[(4.85, -1.36), (5.0, 3.65)]]),
+        target_priors=frozen([near, far]),
+        communication=zone_table([jammer], np.ones((2, 1), dtype=np.bool_)),
+    )
+    best = objective.exact_cost(problem, IPOPT.best_of_starts(problem, 8).controls)
+    found = objective.exact_cost(problem, FAST.solve(problem, PATIENT).controls)
+    assert found <= best * (1.0 + 3e-4)
+
+
 @pytest.mark.parametrize(("horizon", "most"), [(1, 100), (5, 250)])
 def test_contact_takes_few_steps(horizon: int, most: int) -> None:
     """Two robots want to be where one of them can be; each step would run into the other."""
@@ -223,6 +242,22 @@ def test_an_objective_that_is_no_number_is_refused() -> None:
     broken = replace(problem, target_means=frozen(np.full((1, 5, 2), np.nan)))
     with pytest.raises(EngineFailed, match="objective"):
         FAST.solve(broken, Budget())
+
+
+def test_arrays_of_another_kind_or_order_are_converted() -> None:
+    """Machine code is called without a look at types: a stranger would be read as numbers."""
+    problem = random_problem(3, 3, 4, 2, room=6.0)
+    sound = replace(problem, positions=frozen(np.round(problem.positions)))
+    strange = replace(
+        sound,
+        positions=sound.positions.astype(np.int32),  # type: ignore[arg-type]
+        target_priors=np.asfortranarray(sound.target_priors),
+        control_lower=np.repeat(sound.control_lower, 2, axis=0)[::2],
+        sees=sound.sees.astype(np.int8),  # type: ignore[arg-type]
+        replan=sound.replan.astype(np.float64),  # type: ignore[arg-type]
+    )
+    found, expected = FAST.solve(strange, PATIENT), FAST.solve(sound, PATIENT)
+    np.testing.assert_array_equal(found.controls, expected.controls)
 
 
 def test_replanned_robots_forget_their_plan() -> None:
