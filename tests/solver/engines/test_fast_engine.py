@@ -250,11 +250,11 @@ def test_arrays_of_another_kind_or_order_are_converted() -> None:
     sound = replace(problem, positions=frozen(np.round(problem.positions)))
     strange = replace(
         sound,
-        positions=sound.positions.astype(np.int32),  # type: ignore[arg-type]
+        positions=sound.positions.astype(np.int32),
         target_priors=np.asfortranarray(sound.target_priors),
         control_lower=np.repeat(sound.control_lower, 2, axis=0)[::2],
-        sees=sound.sees.astype(np.int8),  # type: ignore[arg-type]
-        replan=sound.replan.astype(np.float64),  # type: ignore[arg-type]
+        sees=sound.sees.astype(np.int8),
+        replan=sound.replan.astype(np.float64),
     )
     found, expected = FAST.solve(strange, PATIENT), FAST.solve(sound, PATIENT)
     np.testing.assert_array_equal(found.controls, expected.controls)
