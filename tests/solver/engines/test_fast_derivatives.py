@@ -79,6 +79,23 @@ def test_every_term_has_its_exact_gradient_and_hessian(
     compare(problem, interior(seed, problem), seed % robots)
 
 
+@pytest.mark.parametrize("dynamics", DYNAMICS)
+@pytest.mark.parametrize("horizon", [1, 3])
+def test_a_glance_at_every_term_of_a_robot_and_of_a_team(horizon: int, dynamics: Dynamics) -> None:
+    """The two large comparisons below and above on a few problems, for whoever has no time."""
+    for seed in range(3):
+        problem = random_problem(seed, 3, 3, 2, horizon, dynamics, 2, (0.4, 1.5, 3.0)[seed])
+        at = interior(seed, problem)
+        compare(problem, at, seed)
+        calm = unjammed(problem)
+        searched, _, gradient, hessian = joint_derivatives(calm, at)
+        assert searched == pytest.approx(objective.cost(calm, at), rel=1e-9)
+        expected = objective.gradient(calm, at).ravel()
+        np.testing.assert_allclose(gradient, expected, atol=1e-9 * (1.0 + np.abs(expected).max()))
+        bend = np.concatenate([joint_differences(calm, at, robot) for robot in range(3)], 1)
+        np.testing.assert_allclose(hessian, bend, atol=2e-6 * (1.0 + np.abs(bend).max()))
+
+
 @settings(max_examples=20)
 @given(seed=st.integers(0, 2**32 - 1), horizon=st.integers(1, 4))
 def test_derivatives_hold_at_coincident_points(seed: int, horizon: int) -> None:
