@@ -205,7 +205,11 @@ def test_the_first_engine_that_can_run_is_the_one_to_use(monkeypatch: pytest.Mon
 
 @pytest.mark.parametrize(
     ("name", "loaded"),
-    [("sqp", ["SqpEngine"]), ("fast", ["FastEngine", "compiled"]), (engines.DEFAULT, None)],
+    [
+        ("sqp", ["sqp.SqpEngine"]),
+        ("fast", ["fast.FastEngine", "fast.compiled.compiled"]),
+        (engines.DEFAULT, None),
+    ],
 )
 def test_preloading_loads_machine_code_where_there_is_any(
     name: str, loaded: list[str] | None, monkeypatch: pytest.MonkeyPatch
@@ -215,13 +219,16 @@ def test_preloading_loads_machine_code_where_there_is_any(
     class Library:
         """Takes note of what of it is called."""
 
-        def __getattr__(self, attribute: str) -> Callable[[], None]:
-            return lambda: calls.append(attribute)
+        def __init__(self, module: str) -> None:
+            self._module = module.removeprefix("solver.engines.")
 
-    monkeypatch.setattr(engines, "import_module", lambda _: Library())
+        def __getattr__(self, attribute: str) -> Callable[[], None]:
+            return lambda: calls.append(f"{self._module}.{attribute}")
+
+    monkeypatch.setattr(engines, "import_module", Library)
     engines.preload(name)
     if loaded is None:
-        assert calls[-2:] == ["FastEngine", "compiled"]
+        assert calls[-2:] == ["fast.FastEngine", "fast.compiled.compiled"]
     else:
         assert calls == loaded
     with pytest.raises(EngineUnavailable, match="magic"):

@@ -218,6 +218,7 @@ def test_an_outlier_is_gated_and_counted() -> None:
 def test_the_gate_is_where_the_innovation_is_as_unlikely_as_told(share: float, turn: float) -> None:
     """From afar, range and bearing both off by a little less or more than the quantile."""
     settings = replace(WALK, gate_probability=0.99)
+    sensor = SensorModel(20.0, 0.1, 2000.0, 0.1)  # so sharp that the prior's doubt counts
     mean, P = np.array([9.0, 5.0]), np.array([[0.3, 0.1], [0.1, 0.2]])
     beliefs = estimation.with_prior(
         estimation.start((122,), settings), 122, (9.0, 5.0), ((0.3, 0.1), (0.1, 0.2))
@@ -225,12 +226,12 @@ def test_the_gate_is_where_the_innovation_is_as_unlikely_as_told(share: float, t
     distance, bearing = predicted((0.0, 0.0), (9.0, 5.0))
     rho = np.hypot(distance, TARGET_FLOOR_M)
     H = np.array([mean / rho, np.array([-mean[1], mean[0]]) / rho**2])
-    S = H @ P @ H.T + np.diag(noise_variances(SENSOR, distance))
+    S = H @ P @ H.T + np.diag(noise_variances(sensor, distance))
     # 1 - exp(-t / 2) = 0.99 for two degrees of freedom.
     radius = np.sqrt(-2.0 * np.log(0.01))
     off = share * radius * np.linalg.cholesky(S) @ np.array([np.cos(turn), np.sin(turn)])
     told = Detections(1, (0.0, 0.0), (Sighting(122, distance + off[0], bearing + off[1]),))
-    after = estimation.update(beliefs, settings, SENSOR, (told,))
+    after = estimation.update(beliefs, settings, sensor, (told,))
     assert after.rejected.tolist() == [0 if share < 1.0 else 1]
 
 

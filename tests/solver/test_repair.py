@@ -221,6 +221,10 @@ def test_covariances_become_symmetric_and_positive_definite() -> None:
     np.testing.assert_allclose(values[1], [PRIOR_LEAST, 3.0])
     np.testing.assert_allclose(values[2], [2.0, PRIOR_GREATEST])
     assert values[3, 1] == pytest.approx(PRIOR_GREATEST)
+    endless = [np.diag([INF, 2.0]), np.diag([-INF, 2.0]), np.eye(2), np.eye(2)]
+    values = np.linalg.eigvalsh(repaired(sound(target_priors=frozen(endless))).target_priors)
+    np.testing.assert_allclose(values[0], [2.0, PRIOR_GREATEST])
+    np.testing.assert_allclose(values[1], [PRIOR_LEAST, 2.0])
     np.testing.assert_array_equal(fixed.target_priors, np.swapaxes(fixed.target_priors, 1, 2))
     shrinking = sound()
     growth = with_entry(shrinking.target_growth, (1, 0), 0.0)

@@ -57,6 +57,18 @@ def test_nothing_single_improves_what_is_improved(trouble: str) -> None:
         assert price <= appraisal.prices(others).min() + 1e-6
 
 
+def test_new_pairs_that_are_not_worth_their_price_are_let_go() -> None:
+    """From everybody on everything there is no other way on than a pair less."""
+    for seed in range(4):
+        roster, prospects, appraisal = team(seed, 4, 3, 3)
+        start = ~roster.forbidden & roster.free[:, None]
+        found = improved(roster, prospects, SETTINGS, [start])
+        price = float(appraisal.prices(found[None])[0])
+        others = np.stack(list(single_changes(roster, found)))
+        assert price <= appraisal.prices(others).min() + 1e-6
+        assert found.sum() < start.sum()
+
+
 def worth(prospects: Prospects, roster: Roster, matrix: BoolArray, robot: int) -> float:
     """Return the price of one robot's row by itself."""
     row = np.flatnonzero(matrix[robot])
