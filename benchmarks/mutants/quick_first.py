@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from hypothesis import Phase, settings
 
-PATIENCE_S = 12.0
+PATIENCE_S = 20.0
 """How long all tests of one mutant may take together, as measured without mutants."""
 
 _HANGS_S, _HANGS_TIMES = 10.0, 10.0

@@ -215,3 +215,11 @@ def test_exact_communication_is_the_papers_where_some_robots_know_some_zones() -
     found = objective.exact_terms(problem, controls).communication
     assert found == pytest.approx(problem.weights.communication * total, rel=1e-6)
     assert found > 0.0
+
+
+def test_speed_beyond_its_limit_costs_from_the_second_step_on() -> None:
+    problem = random_problem(0, 1, 0, 0, 3, Dynamics.DOUBLE_INTEGRATOR, 0, room=50.0)
+    problem = replace(problem, velocities=frozen([[0.5, -0.5]]))
+    found = objective.terms(problem, np.tile([0.5, -0.5], (1, 3, 1)))
+    # 0.75, 1.0 and 1.25 m/s on both axes, 0.6 allowed; the first step's is the box's business.
+    assert found.field == pytest.approx(problem.field_weight * 2.0 * (0.4**2 + 0.65**2))
