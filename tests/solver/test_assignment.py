@@ -243,8 +243,8 @@ def test_repair_of_a_sound_assignment_is_itself() -> None:
 def test_a_short_way_is_no_reason_for_a_change_more() -> None:
     """The lone target's neighbour would have to hand on its own; somebody far off has room."""
     snapshot = random_snapshot(0, 3, 20, 1)
-    positions = np.tile([50.0, 0.0], (20, 1))
-    positions[1] = (0.5, 0.0)
+    positions = np.tile([50.0, 1.0], (20, 1))
+    positions[1] = (0.0, 0.0)
     held = {Pairing(21, 122), Pairing(23, 123), *(Pairing(22, t) for t in range(124, 142))}
     snapshot = replace(
         directed(snapshot, assignment=frozenset(held), capacities=((21, 1), (22, 20), (23, 1))),
