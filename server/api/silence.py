@@ -10,9 +10,9 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
-from server.api.models import Clock, MissionInfo, MissionState
+from server.api.models import Clock, MissionInfo
 from server.api.record import MissionRecord
-from server.encoding import EventKind, Severity
+from server.encoding import EventKind, MissionState, Severity
 from server.live.host import Host
 
 SILENT_S: Final = 2.0

@@ -3,7 +3,6 @@
 import asyncio
 import socket
 import sys
-from collections.abc import Coroutine
 from typing import Any
 
 import typer
@@ -95,9 +94,8 @@ class Site:
                 serving = group.create_task(
                     self._server.serve(sockets=[self._listener]), name="web server"
                 )
-                for name, watch in self._watches().items():
-                    watching = group.create_task(watch, name=name)
-                    serving.add_done_callback(lambda _, task=watching: task.cancel())
+                watching = group.create_task(self._watch(), name="watch")
+                serving.add_done_callback(lambda _: watching.cancel())
                 if await self._started(serving):
                     interrupted = self._welcome()
                     if definition is not None and (not interrupted or until is Until.OVER):
@@ -117,13 +115,12 @@ class Site:
             raise UsageError(str(refusal)) from refusal
         return await self._figures()
 
-    def _watches(self) -> dict[str, Coroutine[None, None, None]]:
-        """Return what tells the missions of a clock that jumps and of a planner that is silent."""
+    async def _watch(self) -> None:
+        """Tell the live missions of a wall clock that jumps and a silent planner. Runs for ever."""
         records = self._service.records
-        return {
-            "clock watch": ClockWatch(lambda words: tell_of_clock(records(), words)).run(),
-            "silence watch": SilenceWatch(records).run(),
-        }
+        async with asyncio.TaskGroup() as group:
+            group.create_task(ClockWatch(lambda words: tell_of_clock(records(), words)).run())
+            group.create_task(SilenceWatch(records).run())
 
     async def _started(self, serving: asyncio.Task[None]) -> bool:
         """Wait until the server listens; return False when it has ended instead.
