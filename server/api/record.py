@@ -252,8 +252,13 @@ class MissionRecord:
         data: dict[str, Any],
         author: str = "",
     ) -> None:
-        now_s = self.time_s or 0.0
+        now_s = self._goes_on_s() if self.time_s is None else self.time_s
         self._publish_event(event_message(self.id, 0, now_s, kind, severity, text, data), author)
+
+    def _goes_on_s(self) -> float:
+        """Return the mission time at which it goes on after a crash, 0 where it begins."""
+        start = None if self._remains is None else self._remains.start
+        return 0.0 if start is None else start.time_s
 
     def change_state(self, state: MissionState, reason: str = "", author: str = "") -> None:
         """Take a new state; readers see it on the last snapshot."""

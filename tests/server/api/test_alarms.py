@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import AsyncIterator
+from dataclasses import replace
 from typing import Any
 
 import httpx
@@ -11,10 +12,15 @@ import pytest_asyncio
 from server.api.alarm_models import ALARM_ID, Alarm
 from server.api.alarms import MAX_ALARMS, QUIET_S, SETTLE_S, AlarmBook, cause_of
 from server.api.models import MissionRequest
-from server.encoding import EventKind, Severity, event_message
+from server.api.record import MissionRecord
+from server.api.revival import Remains, Revived
+from server.encoding import EventKind, MissionState, Severity, event_message
 from server.journal.database import DatabaseJournal
 from server.journal.entry import EntryKind
 from server.journal.store import Store
+from server.live.channel import frame
+from server.mission.core import MissionCore
+from server.scenarios import library
 from tests.console.messages import message
 from tests.server.api.serving import Stage, StagedService, client_of
 from tests.server.scripted import ScriptedCatalogue
@@ -263,3 +269,34 @@ async def test_a_mission_tells_its_gate(client: httpx.AsyncClient) -> None:
     asked = {"scenario": "scripted", "gate": "confirm"}
     made = await client.post("/api/v1/missions", json=asked)
     assert made.json()["gate"] == "confirm"
+
+
+@pytest.mark.asyncio
+async def test_an_interruption_is_told_of_in_the_time_at_which_the_mission_goes_on() -> None:
+    """It is told before the first picture; at a time of zero it would be over at once."""
+    stage = Stage()
+    async with stage.service:
+        await stage.service.create(REQUEST, "operator")
+        (made,) = stage.service.records()
+        core = MissionCore(library.load("ablation").mission_setup())
+        known = Revived(
+            id="m1",
+            definition=made.definition,
+            state=MissionState.HELD,
+            reason="",
+            created_at=made.created_at,
+            events=1,
+            samples=1,
+            comments=(),
+            decisions=(),
+            alarms=book(jammed(364.5)),
+            result=None,
+            remains=Remains(made.definition, replace(core.checkpoint(), time_s=365.0)),
+        )
+        record = MissionRecord.revive(known, stage.service.chronicle)
+        record.report(KIND.HOLD, BAD, "The server was interrupted.", "server")
+        record.receive(frame(message(365.1)))
+        found = {alarm.id: alarm for alarm in record.alarms.all()}
+        assert found["interruption"].active
+        assert found["interruption"].since_s == 365.0
+        assert found["link-31"].active
