@@ -92,9 +92,10 @@ def cases(quick: bool) -> list[Case]:  # noqa: FBT001 (a command-line flag)
                 if horizon == 10 and robots > 256:
                     continue
                 count = 300 if robots <= 64 else 100 if robots <= 256 else 40
-                compared = 100 if robots * horizon <= 8 else 30
+                size = robots * horizon
+                compared = 100 if size <= 8 else 30 if size <= _GAP_STEPS and robots < 32 else 10
                 if quick:
-                    count, compared = count // 10, compared // 10
+                    count, compared = count // 10, max(3, compared // 10)
                 result.append(Case(robots, targets, horizon, dynamics, count, compared))
     return result
 
