@@ -17,7 +17,7 @@ import random
 import signal
 import sys
 import time
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -43,6 +43,9 @@ HOLD_WITHIN_S = 1.5
 STILL_M_S = 0.05
 SETTLED_S = 0.7
 """What a client saw so long before a kill must have outlived it."""
+
+DECIDED = ("assignment", "weights", "capacities", "severities")
+"""The directives that must be as they were, or as a decision made them since."""
 
 
 class Broken(AssertionError):
@@ -144,8 +147,9 @@ class Campaign:
         async with self.client() as client:
             snapshot = await self._wait(client, {"held"})
             said = (await client.get("/missions/m1/comments?limit=1000", timeout=20.0)).json()
+            cards = await self._cards(client)
         up_s = time.monotonic() - killed_s
-        self._compare(snapshot, said, killed_s)
+        self.compare(snapshot, said, cards, killed_s)
         found = await verified(self.journal)
         if not found.sound:
             raise Broken(f"the journal does not verify: {found.problems}")
@@ -194,9 +198,30 @@ class Campaign:
             await asyncio.sleep(0.05)
         raise Broken(f"the mission did not become {' or '.join(states)}: {str(told)[:300]}")
 
-    def _compare(
-        self, snapshot: dict[str, Any], said: list[dict[str, Any]], killed_s: float
+    async def _cards(self, client: httpx.AsyncClient) -> list[dict[str, Any]]:
+        """Return every decision that the mission has kept, oldest first."""
+        cards: list[dict[str, Any]] = []
+        after = 0
+        while True:
+            url = f"/missions/m1/decisions?limit=100&after={after}"
+            page = (await client.get(url, timeout=20.0)).json()
+            if not page["decisions"]:
+                return cards
+            cards += page["decisions"]
+            after = page["next_after"]
+
+    def compare(
+        self,
+        snapshot: dict[str, Any],
+        said: list[dict[str, Any]],
+        cards: list[dict[str, Any]],
+        killed_s: float,
     ) -> None:
+        """Raise Broken unless a mission's first snapshot continues what was seen before a kill.
+
+        `said` and `cards` are its comments and decisions as they are told now; `killed_s` is on
+        the clock of `seen`.
+        """
         known = {comment["id"]: comment["text"] for comment in said}
         lost = {cid: text for cid, text in self.comments.items() if known.get(cid) != text}
         if lost:
@@ -208,12 +233,31 @@ class Campaign:
         zones = {zone["id"] for zone in settled[-1]["zones"]}
         if not zones <= {zone["id"] for zone in snapshot["zones"]}:
             raise Broken(f"known zones are missing: {zones}")
-        for name in ("assignment", "weights", "capacities", "severities"):
-            allowed = [s["directives"][name] for s in latest]
+        seen = [s["directives"] for s in latest]
+        for name in DECIDED:
+            # What was decided after the last look, or since the start, nobody has seen.
+            allowed = [d[name] for d in (*seen, *decided_since(settled[-1], cards))]
             if snapshot["directives"][name] not in allowed:
                 raise Broken(f"{name} is {snapshot['directives'][name]}, was one of {allowed}")
         if snapshot["time_s"] < settled[-1]["time_s"] - 1.0:
             raise Broken(f"mission time went back to {snapshot['time_s']} s")
+
+
+def decided_since(
+    snapshot: dict[str, Any], cards: list[dict[str, Any]]
+) -> Iterator[dict[str, Any]]:
+    """Yield what the directives of a snapshot became, decision by decision."""
+    now = {name: dict(snapshot["directives"][name]) for name in DECIDED}
+    for card in cards:
+        if card["status"] != "adopted" or card["decided_s"] < snapshot["time_s"]:
+            continue
+        changes = card["changes"]
+        for row in changes["assignment"]:
+            targets = {*now["assignment"][str(row["robot"])], *row["gains"]} - {*row["loses"]}
+            now["assignment"][str(row["robot"])] = sorted(targets)
+        for name in ("weights", "capacities", "severities"):
+            now[name] |= {of: new for of, (_, new) in changes[name].items()}
+        yield {name: dict(values) for name, values in now.items()}
 
 
 async def verified(address: str) -> Verification:
