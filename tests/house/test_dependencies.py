@@ -22,6 +22,7 @@ TOOLS = {
     "mutmut": "make mutants",
     "mypy": "make lint",
     "pytest-asyncio": "plug-in of pytest",
+    "pytest-rerunfailures": "plug-in of pytest",
     "pytest-timeout": "plug-in of pytest",
     "ruff": "make lint",
     "schemathesis": "benchmarks.fuzz runs its command",

@@ -11,6 +11,8 @@ from llm.client import ChatClient, ModelProfile
 from tests.llm.endpoints import ASKED, error_of, raw_server
 from tests.patience import PATIENCE_S, busy
 
+pytestmark = pytest.mark.sockets
+
 HEAD = b"HTTP/1.1 200 OK\r\nContent-Type: application/json\r\nContent-Length: 1000\r\n\r\n"
 
 

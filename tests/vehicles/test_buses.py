@@ -22,6 +22,8 @@ from vehicles.local_bus import LocalBus, LocalHub
 from vehicles.zenoh_bus import ZenohBus
 from vehicles.zenoh_settings import ZenohSettings
 
+pytestmark = pytest.mark.sockets
+
 Pair = Callable[[], AbstractAsyncContextManager[tuple[Bus, Bus]]]
 PAIRS = pytest.mark.parametrize("pair", [local_pair, zenoh_pair, peer_pair, routed_pair])
 

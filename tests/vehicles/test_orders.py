@@ -14,7 +14,7 @@ from vehicles.zenoh_settings import ZenohMode, ZenohSettings
 
 ROUTER = ZenohSettings(mode=ZenohMode.ROUTER, listen=(LOOPBACK,))
 
-pytestmark = pytest.mark.asyncio
+pytestmark = [pytest.mark.asyncio, pytest.mark.sockets]
 
 
 async def answered(codes: tuple[str, ...]) -> str:

@@ -19,6 +19,8 @@ from vehicles.repetition import MOST
 from vehicles.zenoh_bus import ZenohBus
 from vehicles.zenoh_settings import ZenohMode, ZenohSettings, configuration
 
+pytestmark = pytest.mark.sockets
+
 ROUTER = ZenohSettings(mode=ZenohMode.ROUTER, listen=(LOOPBACK,))
 
 

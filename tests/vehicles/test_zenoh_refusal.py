@@ -16,6 +16,8 @@ from vehicles.zenoh_bus import ZenohBus
 from vehicles.zenoh_refusal import Knock, knock
 from vehicles.zenoh_settings import ZenohMode, ZenohSettings
 
+pytestmark = pytest.mark.sockets
+
 
 def free_port() -> int:
     with socket.socket() as taken:

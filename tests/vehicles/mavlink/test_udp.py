@@ -14,6 +14,8 @@ from vehicles.mavlink.udp import (
     peer_of,
 )
 
+pytestmark = pytest.mark.sockets
+
 A, B, C = ("10.0.0.1", 1), ("10.0.0.2", 2), ("10.0.0.3", 3)
 
 
