@@ -22,7 +22,7 @@ LOCK_LOCAL := $(subst pyproject.toml --group build,--group local --no-deps,$(LOC
 .PHONY: help setup setup-dev setup-local run mixed test lint format floors lock bench docs compose-test fuzz chaos field mutants clean
 
 help: ## list the targets
-	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' Makefile
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-13s %s\n", $$1, $$2 }' Makefile
 
 setup: $(VENV)/.setup ## prepare .venv with the falconer command in it
 

@@ -13,12 +13,21 @@ Point3 = tuple[float, float, float]
 
 USUAL_ASPECT: Final = 1.75
 USUAL_FOV: Final = np.deg2rad(75.0)
+USUAL_HEIGHT_PX: Final = 400.0
 """Of a view that nobody has opened yet."""
 
 FILLED: Final = 0.86
-"""So much of a view the field takes."""
+"""So much of a view's width the field may take."""
 
-AIMS: Final = np.linspace(0.2, 0.6, 21)
+ABOVE_PX: Final = 80.0
+BELOW_PX: Final = 44.0
+"""What buttons and figures above the field, with the label of a robot at its edge, and the legend
+below it cover."""
+
+LEAST_FILLED: Final = 0.3
+"""A low view shows the field so large at least, from its middle to either edge."""
+
+AIMS: Final = np.linspace(0.0, 0.7, 36)
 """Where a camera may look: shares of the field from its south."""
 
 ALIKE: Final = 1.1
@@ -26,30 +35,40 @@ ALIKE: Final = 1.1
 
 
 def whole_field(
-    snapshot: Json, aspect: float = USUAL_ASPECT, fov: float = USUAL_FOV
+    snapshot: Json,
+    aspect: float = USUAL_ASPECT,
+    fov: float = USUAL_FOV,
+    height_px: float = USUAL_HEIGHT_PX,
 ) -> tuple[Point3, Point3]:
     """Return where a viewer stands who sees the whole field, and what it looks at.
 
-    It looks from the south, from above, as near as a view of this `aspect` (width over height)
-    and vertical field of view `fov` (radians) allows.
+    It looks from the south, from above, as near as a view of this `aspect` (width over height),
+    vertical field of view `fov` (radians) and height allows, and nothing between the ground and
+    the highest robot lies under what is shown over the scene.
     """
     (x0, y0), (x1, y1) = snapshot["field"]["lower"], snapshot["field"]["upper"]
-    corners = np.array([(x, y, 0.0) for x in (x0, x1) for y in (y0, y1)])
+    levels = {0.0, max((r["position"][2] for r in snapshot["robots"] if r["position"]), default=0)}
+    corners = np.array([(x, y, z) for x in (x0, x1) for y in (y0, y1) for z in sorted(levels)])
     back = np.array([0.0, -0.62, 0.79])
     back /= np.linalg.norm(back)
     up = np.array([0.0, back[2], -back[1]])
-    tall = FILLED * np.tan(0.5 * fov)
-    wide = tall * aspect
+    slope = np.tan(0.5 * fov)
+    wide = FILLED * slope * aspect
+    top, bottom = (
+        slope * max(LEAST_FILLED, 1.0 - 2.0 * covered / height_px)
+        for covered in (ABOVE_PX, BELOW_PX)
+    )
     # What is nearer looks larger: the middle of the picture lies south of the field's own.
     aims = np.array([(0.5 * (x0 + x1), y0 + s * (y1 - y0), 0.0) for s in AIMS])
     offsets = corners[None, :, :] - aims[:, None, :]
-    # A point is in view when |x| <= wide * depth and |y| <= tall * depth: the depth it needs.
-    needed = np.maximum(np.abs(offsets[..., 0]) / wide, np.abs(offsets @ up) / tall)
+    # In view are points with |x| <= wide * depth and -bottom * depth <= y <= top * depth: the
+    # depth that each one needs.
+    rise = offsets @ up
+    needed = np.maximum(np.abs(offsets[..., 0]) / wide, np.maximum(rise / top, -rise / bottom))
     distances = (needed + offsets @ back).max(axis=1)
-    depths = distances[:, None] - offsets @ back
-    heights = (offsets @ up) / depths
+    heights = rise / (distances[:, None] - offsets @ back)
     # Of those about as near, the one that has as much room above the field as below.
-    uneven = np.abs(heights.max(axis=1) + heights.min(axis=1))
+    uneven = np.abs((top - heights.max(axis=1)) - (bottom + heights.min(axis=1)))
     best = int(np.argmin(np.where(distances <= ALIKE * distances.min(), uneven, np.inf)))
     aim = aims[best]
     place = aim + distances[best] * back

@@ -175,11 +175,12 @@ class Scene:
 
     def _point(self, page: str, view: viser.ClientHandle, snapshot: dict[str, Any]) -> None:
         """Let one view show the whole field."""
-        position, look_at = whole_field(snapshot, view.camera.aspect, view.camera.fov)
-        self._fits[page] = (view.camera.aspect, position)
+        camera = view.camera
+        position, look_at = whole_field(snapshot, camera.aspect, camera.fov, camera.image_height)
+        self._fits[page] = (camera.aspect, position)
         with view.atomic():
-            view.camera.position = position
-            view.camera.look_at = look_at
+            camera.position = position
+            camera.look_at = look_at
 
     def _keep_fitted(self, snapshot: dict[str, Any]) -> None:
         """Fit the field into each view that opens, or changes its shape before anybody moved it."""

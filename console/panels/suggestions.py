@@ -5,6 +5,7 @@ refuse it.
 """
 
 from collections.abc import Iterator
+from dataclasses import dataclass, field
 from math import hypot
 from typing import Final
 
@@ -21,6 +22,38 @@ STILL_M_S: Final = 0.02
 
 _SETTLED_S: Final = 5.0
 """So long after the start nobody is asked why they stand still."""
+
+
+OFFERED_S: Final = 15.0
+"""What is offered is made anew after so much mission time."""
+
+
+@dataclass(slots=True)
+class Offers:
+    """The sentences that are offered, and when others take their place."""
+
+    sentences: list[str] = field(default_factory=list)
+    reached_for: bool = False
+    """Whether a pointer is over them, or the keyboard among them: none moves under a finger."""
+
+    _made_s: float | None = None
+    """Mission time, None where what they were made from is over."""
+
+    def renew(self, snapshot: Json | None) -> bool:
+        """Make them anew if it is time; return whether they are others now."""
+        if snapshot is None or (self.reached_for and self.sentences):
+            return False
+        time_s = snapshot["time_s"]
+        # Time goes back where another mission, or the past of this one, is looked at.
+        fresh = self._made_s is not None and 0.0 <= time_s - self._made_s < OFFERED_S
+        if fresh and self.sentences:
+            return False
+        before, self.sentences, self._made_s = self.sentences, suggestions(snapshot), time_s
+        return before != self.sentences
+
+    def spoken(self) -> None:
+        """Note that somebody has said something: what is left to say has changed."""
+        self._made_s = None
 
 
 def suggestions(snapshot: Json | None) -> list[str]:

@@ -7,7 +7,7 @@ from nicegui import ui
 from console.board import Facts
 from console.panel import Desk, Panel
 from console.panels.decisions import CARDS_LOOKED_AT
-from console.panels.suggestions import suggestions
+from console.panels.suggestions import Offers
 from console.render import STATUS_WORDS, Json, clock, escape
 from server.api.models import MAX_COMMENT_CHARACTERS
 
@@ -29,7 +29,7 @@ class SupervisePanel(Panel):
 
     def __init__(self, desk: Desk) -> None:
         super().__init__(desk)
-        self._suggested: list[str] = []
+        self._offers = Offers()
 
     def build(self) -> None:
         """Make the box; only who may steer gets one."""
@@ -48,26 +48,27 @@ class SupervisePanel(Panel):
                     "unelevated no-caps"
                 ).classes("send")
             self._chips = ui.element("div").classes("chips")
+            for event in ("mouseenter", "focusin"):
+                self._chips.on(event, lambda: self._reach(over=True))
+            for event in ("mouseleave", "focusout"):
+                self._chips.on(event, lambda: self._reach(over=False))
         else:
             ui.html("You may look. Comments need an operator.", sanitize=False).classes("empty")
         self.html("receipts", "scroll receipts")
 
     def refresh(self) -> None:
-        """Show receipts; offer sentences once, so that none moves under a finger."""
+        """Show receipts, and now and then other sentences."""
         super().refresh()
-        if self.desk.operates and not self._suggested:
-            self._offer(suggestions(self.desk.board.snapshot))
+        if self.desk.operates and self._offers.renew(self.desk.board.snapshot):
+            self._chips.clear()
+            with self._chips:
+                for sentence in self._offers.sentences:
+                    ui.button(
+                        sentence, on_click=lambda _, s=sentence: self._take(s), color=None
+                    ).props("flat no-caps dense").classes("chip-button")
 
-    def _offer(self, sentences: list[str]) -> None:
-        if sentences == self._suggested:
-            return
-        self._suggested = sentences
-        self._chips.clear()
-        with self._chips:
-            for sentence in sentences:
-                ui.button(sentence, on_click=lambda _, s=sentence: self._take(s), color=None).props(
-                    "flat no-caps dense"
-                ).classes("chip-button")
+    def _reach(self, *, over: bool) -> None:
+        self._offers.reached_for = over
 
     def _take(self, sentence: str) -> None:
         self._text.set_value(sentence)
@@ -83,7 +84,7 @@ class SupervisePanel(Panel):
         )
         if sent is not None:
             self._text.set_value("")
-            self._offer(suggestions(self.desk.board.snapshot))
+            self._offers.spoken()
 
 
 def receipts(comments: Iterable[Json], decided: Mapping[str, str]) -> str:

@@ -124,7 +124,10 @@ class Access:
         if not known:
             self._failures.add(address)
             raise ServiceError(
-                "unauthorized", "This link has been used, or never was.", HTTPStatus.UNAUTHORIZED
+                "unauthorized",
+                "This link lets one browser in, once: it has been used, or it is of another start."
+                " Start Falconer again for new links.",
+                HTTPStatus.UNAUTHORIZED,
             )
         role = self._links.pop(known[0])
         return self.sessions.open(f"{role} (link)", role)

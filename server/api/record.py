@@ -204,7 +204,7 @@ class MissionRecord:
             self._keep_exchange(said.data)
             return
         if said.data.get("kind") == EventKind.DECISION:
-            self._keep_decision(said.data["data"]["decision"])
+            self._keep_decision(said.data["data"]["decision"], said.data["text"])
         if said.data.get("kind") == EventKind.ENDED:
             self.result = said.data["data"].get("result")
             self.change_state(MissionState.ENDED, said.data["text"])
@@ -290,14 +290,18 @@ class MissionRecord:
             )
         return card | {"exchange": self.exchanges.get(decision_id)}
 
-    def _keep_decision(self, card: dict[str, Any]) -> None:
-        """Remember the newest state of a card; the oldest cards are forgotten."""
+    def _keep_decision(self, card: dict[str, Any], words: str) -> None:
+        """Remember the newest state of a card; the oldest cards are forgotten.
+
+        A card is told again when its effect is known: `words` say what is new.
+        """
         log.info(
             "decision",
             mission=self.id,
             decision=card["id"],
             status=card.get("status"),
             source=card.get("source"),
+            said=words,
         )
         self.decisions[card["id"]] = card
         while len(self.decisions) > DECISIONS_KEPT:

@@ -90,6 +90,7 @@ def test_the_hold_button_holds_and_typing_a_space_does_not(console: Visit) -> No
 def test_a_suggestion_fills_the_box_and_sends_nothing(console: Visit, address: str) -> None:
     said = len(httpx.get(f"{address}/api/v1/missions/m1/comments").json())
     chip = console.page.locator(".chip-button").first
+    chip.hover()
     words = chip.inner_text()
     chip.click()
     expect(console.page.locator(".comment-box")).to_have_value(words, timeout=TIMEOUT_MS)

@@ -134,7 +134,9 @@ async def test_a_view_that_changes_its_shape_is_fitted_again_until_somebody_move
         assert shown is not None
         scene.draw(message(30.0))
         for width in (1600, 400):
-            place, _ = whole_field(message(30.0), shown.camera.aspect, CAMERA.fov)
+            place, _ = whole_field(
+                message(30.0), shown.camera.aspect, CAMERA.fov, CAMERA.image_height
+            )
             assert shown.camera.position.tolist() == pytest.approx(place)
             resized = replace(CAMERA, position=place, image_width=width)
             await socket.send(said(resized))
@@ -154,7 +156,7 @@ async def test_a_camera_fits_the_field_and_goes_with_the_team(scene: Scene) -> N
         shown = scene.view("mine")
         assert shown is not None
         assert scene.fit("mine", message(30.0))
-        position, look_at = whole_field(message(30.0), 800 / 600, CAMERA.fov)
+        position, look_at = whole_field(message(30.0), 800 / 600, CAMERA.fov, 600)
         assert shown.camera.position.tolist() == pytest.approx(position)
         assert shown.camera.look_at.tolist() == pytest.approx(look_at)
         scene.follow("mine")

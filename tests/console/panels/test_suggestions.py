@@ -4,7 +4,7 @@ import re
 from math import dist
 from typing import Any
 
-from console.panels.suggestions import MOST, suggestions
+from console.panels.suggestions import MOST, OFFERED_S, Offers, suggestions
 from tests.console.messages import message
 
 PAIR = re.compile(r"The Drone (\d+) should focus on tracking target (\d+)\.")
@@ -114,3 +114,49 @@ def test_all_that_is_named_exists() -> None:
                 assert dist(places[int(target)], (0.0, 0.0)) < 1e6
             for zone in re.findall(r"zone (\w+)\.", sentence):
                 assert zone in {known["id"] for known in said["zones"]}
+
+
+def offered(time_s: float) -> tuple[Offers, list[str]]:
+    """What is offered from a team without zones, and the sentences."""
+    offers = Offers()
+    assert offers.renew(team(time_s=time_s))
+    return offers, offers.sentences
+
+
+ZONE = [{"id": "s2", "mean": [4.0, 4.0], "keep_out_m": 1.0}]
+
+
+def test_sentences_are_made_anew_after_a_while_only() -> None:
+    offers, first = offered(20.0)
+    assert not offers.renew(team(time_s=20.0 + OFFERED_S - 0.1, zones=ZONE))
+    assert offers.sentences == first
+    assert offers.renew(team(time_s=20.0 + OFFERED_S, zones=ZONE))
+    assert "Avoid the region around zone s2." in offers.sentences
+    assert not offers.renew(team(time_s=20.0 + 2.0 * OFFERED_S, zones=ZONE)), "they are the same"
+
+
+def test_sentences_are_made_anew_once_somebody_spoke() -> None:
+    offers, _ = offered(20.0)
+    offers.spoken()
+    assert offers.renew(team(time_s=20.1, zones=ZONE))
+
+
+def test_another_mission_gets_sentences_of_its_own() -> None:
+    offers, _ = offered(20.0)
+    assert offers.renew(team(time_s=3.0, zones=ZONE))
+
+
+def test_no_sentence_moves_under_a_finger() -> None:
+    offers, first = offered(20.0)
+    offers.reached_for = True
+    assert not offers.renew(team(time_s=100.0, zones=ZONE))
+    assert offers.sentences == first
+    offers.reached_for = False
+    assert offers.renew(team(time_s=100.0, zones=ZONE))
+
+
+def test_nothing_is_offered_before_there_is_a_picture_and_something_as_soon_as_there_is() -> None:
+    offers = Offers()
+    assert not offers.renew(None)
+    assert not offers.renew(team(robots=[], time_s=0.1))
+    assert offers.renew(team(time_s=0.2))
