@@ -6,6 +6,7 @@ from typing import Any
 import httpx
 import pytest
 import pytest_asyncio
+from structlog.testing import capture_logs
 
 from server.live.fanout import Messages
 from tests.server.api.serving import Stage, client_of
@@ -164,3 +165,17 @@ async def test_decisions_are_paged_and_one_comes_with_its_prompts(
     assert one["exchange"] == [{"prompt": "?"}]
     missing = await client.get(f"{MISSION}/decisions/d9")
     assert (missing.status_code, missing.json()["error"]["code"]) == (404, "decision_unknown")
+
+
+@pytest.mark.asyncio
+async def test_the_log_says_what_a_decision_changed(
+    client: httpx.AsyncClient, stage: Stage
+) -> None:
+    await client.post(f"{MISSION}/start")
+    with capture_logs() as logged:
+        await client.put(f"{MISSION}/weights", json=WEIGHTS)
+        told = await client.get(f"{MISSION}/decisions")
+    (card,) = told.json()["decisions"]
+    (line,) = [entry for entry in logged if entry["event"] == "decision"]
+    assert line["decision"] == card["id"]
+    assert (line["mission"], line["status"], line["said"]) == ("m1", "adopted", "Adopted.")

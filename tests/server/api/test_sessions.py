@@ -159,6 +159,7 @@ async def test_a_link_works_once_and_gives_its_role(role: Role, status: int) -> 
         again = await client.get(path)
         assert again.status_code == 401
         assert "set-cookie" not in again.headers
+        assert "Start Falconer again for new links" in again.text
         guesses = ("", "x", path[11:-1], path[11:] + "x", "%00", "%ed%a0%80", "é" * 100)
         for guess in guesses:
             assert "set-cookie" not in (await client.get(f"/login?key={guess}")).headers
