@@ -13,6 +13,7 @@ from functools import partial
 
 from solver.observations import Detections, RobotState
 from solver.setpoints import Setpoint
+from solver.zones import Point
 from vehicles import messages as wire
 from vehicles import translation
 from vehicles.body import Body, BodyEvent, BodyEventKind, BodyState
@@ -150,6 +151,7 @@ class VehicleAgent:
         self._look(seen, now_s)
         state = self._body.state(now_s)
         if state is not None:
+            self._note(state.position, now_s)
             await self._fly_alone(state, now_s)
             own = RobotState(
                 robot_id=self.robot_id,
@@ -296,6 +298,12 @@ class VehicleAgent:
                     now_s, lambda: translation.return_part(pilot.report(now_s))
                 )
             )
+
+    def _note(self, position: Point, now_s: float) -> None:
+        """Let the pilot know where the link holds and where it does not."""
+        heard = self._alone is None
+        if heard or self._alone is Alone.JAMMED:
+            self._flight.tell(lambda pilot: pilot.note(now_s, position, heard=heard))
 
     def _look(self, seen: Detections | None, now_s: float) -> None:
         if seen is None:

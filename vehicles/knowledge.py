@@ -8,6 +8,7 @@ from solver.exposure import FREE, Prices
 from solver.observations import OnboardTrack
 from solver.problem import Dynamics, SensorModel
 from solver.zones import Point, Zone
+from vehicles.inference import InferenceRules
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,6 +33,8 @@ class FlightRules:
     separation_weight: float
     sensor: SensorModel = field(default_factory=SensorModel)
     filter: FilterSettings = field(default_factory=FilterSettings)
+    inference: InferenceRules | None = None
+    """How it infers what cuts it off, None where zones reveal themselves."""
 
 
 @dataclass(frozen=True, slots=True)

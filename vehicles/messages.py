@@ -1,46 +1,36 @@
-"""Every message of the bus as a checked, frozen model (docs/messages.md).
-
-Bounds are wide enough for any team and narrow enough that no accepted number overflows or
-turns into infinity further on.
-"""
+"""Every message of the bus as a checked, frozen model (docs/messages.md)."""
 
 from enum import StrEnum
 from math import pi
 from typing import Annotated, Literal, Self, TypeAlias, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, model_validator
 
-from solver.beliefs import MotionModel, NearField
-from solver.problem import Dynamics
 from solver.zones import ZoneKind
+from vehicles.fields import (
+    Amount,
+    Count,
+    Duration,
+    Id,
+    Length,
+    Name,
+    Number,
+    Position,
+    Risk,
+    Velocity,
+    Wire,
+    Words,
+)
 from vehicles.problems import problems_of
+from vehicles.rule_parts import RulesPart
 
 VERSION = 1
 MAX_PAYLOAD = 1 << 20
 """Bytes; more is refused unread."""
 
-Length: TypeAlias = Annotated[float, Field(ge=-1e7, le=1e7)]
-Speed: TypeAlias = Annotated[float, Field(ge=-1e4, le=1e4)]
-Amount: TypeAlias = Annotated[float, Field(ge=0.0, le=1e12)]
-Number: TypeAlias = Annotated[float, Field(ge=-1e12, le=1e12)]
-Duration: TypeAlias = Annotated[float, Field(ge=0.0, le=1e10)]
-Count: TypeAlias = Annotated[int, Field(ge=0, lt=2**53)]
-Id: TypeAlias = Annotated[int, Field(ge=0, lt=2**31)]
-Position: TypeAlias = tuple[Length, Length]
-Velocity: TypeAlias = tuple[Speed, Speed]
-Name: TypeAlias = Annotated[str, Field(min_length=1, max_length=64)]
-Words: TypeAlias = Annotated[str, Field(max_length=200)]
-Risk: TypeAlias = Annotated[float, Field(gt=0.0, le=0.5)]
-
 
 class MessageError(ValueError):
     """Raised when a payload is not the message it should be."""
-
-
-class Wire(BaseModel):
-    """A part of a message: frozen, finite, tolerant of fields added later."""
-
-    model_config = ConfigDict(frozen=True, extra="ignore", strict=True, allow_inf_nan=False)
 
 
 class Message(Wire):
@@ -150,44 +140,6 @@ class MatePart(Wire):
 
     robot_id: Id
     position: Position
-
-
-class SensorPart(Wire):
-    """The measurement noise over distance."""
-
-    range_peak: Annotated[float, Field(gt=0.0, le=1e9)]
-    range_shape: Annotated[float, Field(ge=0.0, le=1e3)]
-    bearing_peak: Annotated[float, Field(gt=0.0, le=1e9)]
-    bearing_shape: Annotated[float, Field(ge=0.0, le=1e3)]
-
-
-class FilterPart(Wire):
-    """What the filter on board takes for granted."""
-
-    model: MotionModel
-    process_noise: Amount
-    prior_variance: Annotated[float, Field(gt=0.0, le=1e9)]
-    gate_probability: Annotated[float, Field(gt=0.0, lt=1.0)] | None
-    drop_after_s: Duration
-    speed_variance: Annotated[float, Field(gt=0.0, le=1e9)]
-    near_field: NearField = NearField.MOMENTS
-
-
-class RulesPart(Wire):
-    """What holds for one robot through a whole mission."""
-
-    step_s: Annotated[float, Field(gt=0.0, le=60.0)]
-    horizon: Annotated[int, Field(ge=1, le=100)]
-    dynamics: Dynamics
-    control_lower: Velocity
-    control_upper: Velocity
-    speed_limit_m_s: Annotated[float, Field(ge=0.0, le=1e4)]
-    field_lower: Position
-    field_upper: Position
-    min_dist_m: Annotated[float, Field(ge=0.0, le=1e6)]
-    separation_weight: Amount
-    sensor: SensorPart
-    filter: FilterPart
 
 
 class AttackPart(Wire):

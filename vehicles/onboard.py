@@ -19,7 +19,8 @@ from solver.observations import Detections, OnboardTrack, TrackReport
 from solver.plans import shifted
 from solver.problem import Budget, Problem, Solution, ZoneTable
 from solver.zones import Point, Zone, ZoneKind
-from vehicles.knowledge import Knowledge
+from vehicles.inference import JammingMap
+from vehicles.knowledge import FlightRules, Knowledge
 
 BACK_OFF_M_S = 0.2
 """A robot alone keeps this much farther off communication zones every second it is cut off."""
@@ -49,6 +50,8 @@ class OnboardPilot:
         self._planner = planner
         self._knowledge: Knowledge | None = None
         self._revealed: dict[str, Zone] = {}
+        self._jamming: JammingMap | None = None
+        self._inferred: tuple[Zone, ...] = ()
         self._beliefs: Beliefs | None = None
         self._filter_s = 0.0
         self._observed: list[Detections] = []
@@ -68,9 +71,12 @@ class OnboardPilot:
 
     @property
     def zones(self) -> tuple[Zone, ...]:
-        """Every zone this robot knows, told or suffered; the newest word on an id counts."""
+        """Every zone this robot knows, told, suffered or inferred.
+
+        The newest word on an id counts.
+        """
         told = () if self._knowledge is None else self._knowledge.zones
-        return tuple(({zone.id: zone for zone in told} | self._revealed).values())
+        return (*({zone.id: zone for zone in told} | self._revealed).values(), *self._inferred)
 
     def learn(self, knowledge: Knowledge) -> None:
         """Take what the planner tells; the robot is connected, its private filter ends.
@@ -82,7 +88,9 @@ class OnboardPilot:
             raise ValueError(
                 f"robot {self.robot_id} was told what robot {knowledge.robot_id} knows"
             )
+        self._begin_map(knowledge.rules)
         self._knowledge = knowledge
+        self._inferred = ()
         told = {zone.id for zone in knowledge.zones}
         self._revealed = {key: zone for key, zone in self._revealed.items() if key not in told}
         self._beliefs = None
@@ -92,6 +100,15 @@ class OnboardPilot:
     def reveal(self, zone: Zone) -> None:
         """Take a zone that an attack has revealed to this robot."""
         self._revealed[zone.id] = zone
+
+    def note(self, now_s: float, position: Point, *, heard: bool) -> None:
+        """Take where the robot is, and whether it is heard there or jammed.
+
+        What has cut it off is inferred from this where zones do not reveal themselves. Time is on
+        the clock of `lost_link`; a robot that is alone for want of a planner is neither.
+        """
+        if self._jamming is not None:
+            self._jamming.note(now_s, position, heard=heard)
 
     def lost_link(self, now_s: float) -> None:
         """Start the private filter from the team's last tracks; harmless when alone already."""
@@ -134,6 +151,9 @@ class OnboardPilot:
             self._filter_s = now_s
         observed, self._observed = tuple(self._observed), []
         self._beliefs = estimation.update(self._beliefs, rules.filter, rules.sensor, observed)
+        if self._jamming is not None:
+            self._inferred = ()
+            self._inferred = self._jamming.zones(self.zones)
         known = np.flatnonzero(self._beliefs.known)
         sees = np.full((1, len(known)), bool(observed))
         problem = self._problem(
@@ -174,6 +194,15 @@ class OnboardPilot:
                     )
                 )
         return TrackReport(self.robot_id, tuple(tracks), tuple(self._revealed.values()))
+
+    def _begin_map(self, rules: FlightRules) -> None:
+        """Begin a map of jamming where the rules ask for one; another one where they change."""
+        if self._knowledge is not None and rules.inference == self._knowledge.rules.inference:
+            return
+        asked = rules.inference
+        self._jamming = (
+            None if asked is None else JammingMap(asked, rules.field_lower, rules.field_upper)
+        )
 
     def _back_off_m(self) -> float:
         """Return the margin to communication zones after this long without a link.

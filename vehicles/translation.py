@@ -10,12 +10,15 @@ from solver import observations as facts
 from solver.beliefs import FilterSettings
 from solver.directives import Weights
 from solver.exposure import Prices
+from solver.hypotheses import Law
 from solver.problem import SensorModel
 from solver.setpoints import Setpoint
 from solver.zones import Zone, ZoneKind
 from vehicles import messages as wire
 from vehicles import world_messages
+from vehicles.inference import InferenceRules
 from vehicles.knowledge import FlightRules, Knowledge, Mate
+from vehicles.rule_parts import FilterPart, InferencePart, RulesPart, SensorPart
 from vehicles.world.state import Failures, Hit, Truth, WorldEvent
 
 
@@ -220,7 +223,7 @@ def knowledge_message(header: dict[str, Any], known: Knowledge, mates: MateParts
         **header,
         robot_id=known.robot_id,
         mission=known.mission,
-        rules=wire.RulesPart(
+        rules=RulesPart(
             step_s=rules.step_s,
             horizon=rules.horizon,
             dynamics=rules.dynamics,
@@ -231,13 +234,13 @@ def knowledge_message(header: dict[str, Any], known: Knowledge, mates: MateParts
             field_upper=rules.field_upper,
             min_dist_m=rules.min_dist_m,
             separation_weight=rules.separation_weight,
-            sensor=wire.SensorPart(
+            sensor=SensorPart(
                 range_peak=sensor.range_peak,
                 range_shape=sensor.range_shape,
                 bearing_peak=sensor.bearing_peak,
                 bearing_shape=sensor.bearing_shape,
             ),
-            filter=wire.FilterPart(
+            filter=FilterPart(
                 model=settings.model,
                 process_noise=settings.process_noise,
                 prior_variance=settings.prior_variance,
@@ -246,6 +249,7 @@ def knowledge_message(header: dict[str, Any], known: Knowledge, mates: MateParts
                 speed_variance=settings.speed_variance,
                 near_field=settings.near_field,
             ),
+            inference=None if rules.inference is None else _inference_part(rules.inference),
         ),
         weights=(weights.tracking, weights.control, weights.sensing, weights.communication),
         targets=known.targets,
@@ -277,6 +281,7 @@ def knowledge_of(message: wire.Knowledge, now_s: float) -> Knowledge:
             separation_weight=rules.separation_weight,
             sensor=SensorModel(**rules.sensor.model_dump()),
             filter=FilterSettings(**rules.filter.model_dump()),
+            inference=None if rules.inference is None else _inference_of(rules.inference),
         ),
         weights=Weights(*message.weights),
         targets=message.targets,
@@ -285,6 +290,39 @@ def knowledge_of(message: wire.Knowledge, now_s: float) -> Knowledge:
         severities=message.severities,
         mates=tuple(Mate(mate.robot_id, mate.position) for mate in message.mates),
         prices=Prices(*message.prices),
+    )
+
+
+def _inference_part(rules: InferenceRules) -> InferencePart:
+    law = rules.law
+    return InferencePart(
+        period_s=law.period_s,
+        step_s=law.step_s,
+        recover_density=law.recover_density,
+        zones_per_m2=law.per_m2,
+        faults_per_s=law.fault_rate,
+        deviation_m=law.deviation_m,
+        memory_s=rules.memory_s,
+        confidence=rules.confidence,
+        risk=rules.risk,
+        risk_single=rules.risk_single,
+    )
+
+
+def _inference_of(part: InferencePart) -> InferenceRules:
+    return InferenceRules(
+        law=Law(
+            period_s=part.period_s,
+            step_s=part.step_s,
+            recover_density=part.recover_density,
+            per_m2=part.zones_per_m2,
+            fault_rate=part.faults_per_s,
+            deviation_m=part.deviation_m,
+        ),
+        memory_s=part.memory_s,
+        confidence=part.confidence,
+        risk=part.risk,
+        risk_single=part.risk_single,
     )
 
 

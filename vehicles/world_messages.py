@@ -10,15 +10,8 @@ from typing import Annotated
 from pydantic import Field
 
 from solver.zones import ZoneKind
-from vehicles.messages import (
-    Id,
-    Length,
-    Message,
-    Position,
-    SightingPart,
-    Velocity,
-    ZonePart,
-)
+from vehicles.fields import Id, Length, Position, Velocity
+from vehicles.messages import Message, SightingPart, ZonePart
 
 
 class Happening(StrEnum):

@@ -114,7 +114,7 @@ class Lockstep:
         self._say(now_s)
         if self._advice is not None:
             await self._advice.deliver(now_s)
-        for heard in team.report(core.core.directives):
+        for heard in team.report(core.core.directives, now_s):
             core.observe(heard)
         truth = self._world.truth()
         solution = self._planner.solve(core.begin(now_s), LOCKSTEP_BUDGET)

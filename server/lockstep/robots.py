@@ -68,17 +68,19 @@ class SimulatedTeam:
                     pass  # The robot's next state says so.
         return tuple(heard)
 
-    def report(self, directives: Directives) -> tuple[Observation, ...]:
+    def report(self, directives: Directives, now_s: float) -> tuple[Observation, ...]:
         """Let every robot look at its targets; return what the connected ones say."""
         heard: list[Observation] = []
         rows = directives.rows()
         for robot_id, pilot in self._pilots.items():
             connected = robot_id not in self._jammed
+            state = self._world.robot_state(robot_id)
+            pilot.note(now_s, state.position, heard=connected)
             targets = rows.get(robot_id, ()) if connected else pilot.targets
             seen = self._world.sense(robot_id, targets)
             self._seen[robot_id] = seen
             if connected:
-                heard.append(self._world.robot_state(robot_id))
+                heard.append(state)
                 if seen is not None:
                     heard.append(seen)
         return tuple(heard)

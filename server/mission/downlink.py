@@ -5,9 +5,12 @@ from itertools import islice
 import numpy as np
 
 from server.mission.core import MissionCore
+from server.mission.hazards import attack_law
 from server.mission.setup import MissionSetup, RobotSetup
 from solver.observations import Link, OnboardTrack
 from solver.snapshot import Snapshot
+from solver.zones import ZoneKind
+from vehicles.inference import InferenceRules
 from vehicles.knowledge import FlightRules, Knowledge, Mate
 
 KNOWLEDGE_TICKS = 10
@@ -52,6 +55,21 @@ def flight_rules(setup: MissionSetup, robot: RobotSetup) -> FlightRules:
         separation_weight=setup.planner.separation_weight,
         sensor=setup.sensor,
         filter=setup.filter,
+        inference=_inference_rules(setup),
+    )
+
+
+def _inference_rules(setup: MissionSetup) -> InferenceRules | None:
+    """Return how robots infer by themselves what cuts them off, as the team does."""
+    if setup.hazards is None:
+        return None
+    defaults = setup.zone_defaults(ZoneKind.COMMUNICATION)
+    return InferenceRules(
+        law=attack_law(setup, setup.hazards),
+        memory_s=setup.hazards.memory_s,
+        confidence=setup.hazards.confidence,
+        risk=defaults.risk,
+        risk_single=defaults.risk_single,
     )
 
 

@@ -209,9 +209,10 @@ class HazardBook:
         )
 
 
-def _map(setup: MissionSetup, asked: HazardSetup) -> HazardMap:
+def attack_law(setup: MissionSetup, asked: HazardSetup) -> Law:
+    """Return how zones attack in a mission, and what is expected of them before."""
     width, height = np.subtract(setup.field_upper, setup.field_lower).tolist()
-    law = Law(
+    return Law(
         period_s=setup.planner.attack_period_s,
         step_s=setup.tick_s,
         recover_density=asked.recover_density,
@@ -219,7 +220,10 @@ def _map(setup: MissionSetup, asked: HazardSetup) -> HazardMap:
         fault_rate=asked.faults_per_hour / 3600.0,
         deviation_m=asked.deviation_m,
     )
-    return HazardMap(law, setup.field_lower, setup.field_upper, asked.memory_s)
+
+
+def _map(setup: MissionSetup, asked: HazardSetup) -> HazardMap:
+    return HazardMap(attack_law(setup, asked), setup.field_lower, setup.field_upper, asked.memory_s)
 
 
 def _inferred(name: str, estimate: HazardEstimate) -> InferredZone:

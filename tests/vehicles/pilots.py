@@ -5,9 +5,11 @@ from dataclasses import replace
 import numpy as np
 
 from solver.directives import Weights
+from solver.hypotheses import Law
 from solver.observations import OnboardTrack
 from solver.problem import Budget, Dynamics, Problem, Rung, Solution
 from solver.zones import Zone, ZoneKind
+from vehicles.inference import InferenceRules
 from vehicles.knowledge import FlightRules, Knowledge, Mate
 
 RULES = FlightRules(
@@ -21,6 +23,13 @@ RULES = FlightRules(
     field_upper=(10.0, 10.0),
     min_dist_m=0.4,
     separation_weight=100.0,
+)
+INFERENCE = InferenceRules(
+    law=Law(period_s=1.0, step_s=0.2, recover_density=0.08, per_m2=0.0125, fault_rate=0.0005),
+    memory_s=600.0,
+    confidence=0.5,
+    risk=0.02,
+    risk_single=0.05,
 )
 SENSING = Zone("s1", ZoneKind.SENSING, (4.0, 0.0), ((0.4, 0.0), (0.0, 0.4)), 0.1, 0.1, 0.1)
 JAMMING = Zone("c1", ZoneKind.COMMUNICATION, (0.0, 4.0), ((0.6, 0.0), (0.0, 0.6)), 0.2, 0.05, 0.3)

@@ -46,6 +46,18 @@ RULES: dict[str, Any] = {
         "speed_variance": 0.25,
         "near_field": "moments",
     },
+    "inference": {
+        "period_s": 1.0,
+        "step_s": 0.2,
+        "recover_density": 0.08,
+        "zones_per_m2": 0.01,
+        "faults_per_s": 0.0005,
+        "deviation_m": 0.7,
+        "memory_s": 600.0,
+        "confidence": 0.5,
+        "risk": 0.02,
+        "risk_single": 0.05,
+    },
 }
 ROBOT = {**HEADER, "robot_id": 21}
 SAMPLES: dict[type[wire.Message], dict[str, Any]] = {

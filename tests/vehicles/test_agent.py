@@ -8,7 +8,7 @@ import pytest
 from solver.observations import Attack, Detections, RobotState, TrackReport
 from solver.zones import ZoneKind
 from tests.vehicles.buses import KEYS
-from tests.vehicles.pilots import Recorder
+from tests.vehicles.pilots import INFERENCE, Recorder, knowledge
 from tests.vehicles.rigs import TICK_S, rig
 from tests.vehicles.samples import SAMPLES
 from tests.vehicles.world.worlds import robot, world_setup, zone
@@ -20,7 +20,7 @@ from vehicles.onboard import OnboardPilot
 from vehicles.repetition import MOST
 from vehicles.settings import AgentSettings, SimulationSettings
 from vehicles.simulation import Simulation
-from vehicles.world.setup import WorldSetup, WorldTarget, WorldZone
+from vehicles.world.setup import Discovery, WorldSetup, WorldTarget, WorldZone
 
 TARGET = WorldTarget(122, (3.0, 4.0))
 PAIR = world_setup((robot(21, 0.0), robot(26, 5.0)), (TARGET,))
@@ -35,6 +35,10 @@ def dense(kind: ZoneKind, x: float = 0.0) -> WorldZone:
 
 def hazardous(kind: ZoneKind) -> WorldSetup:
     return replace(PAIR, zones=(dense(kind),), attack_period_s=0.1)
+
+
+def jamming_ahead() -> WorldSetup:
+    return replace(PAIR, zones=(dense(ZoneKind.COMMUNICATION, 0.5),), attack_period_s=0.01)
 
 
 # ---------------------------------------------------------------------- planner and silence
@@ -106,7 +110,7 @@ async def test_a_jammed_robot_flies_alone_and_brings_back_what_it_knows() -> Non
 
 
 async def test_jammed_in_flight_it_goes_on_by_its_own_plan_until_it_is_out() -> None:
-    setup = replace(PAIR, zones=(dense(ZoneKind.COMMUNICATION, 0.5),), attack_period_s=0.01)
+    setup = jamming_ahead()
     async with rig(setup) as made:
         made.velocities = {21: (1.0, 0.0)}
         await made.tick()
@@ -138,6 +142,29 @@ async def test_jammed_in_flight_it_goes_on_by_its_own_plan_until_it_is_out() -> 
         assert "onboard: jammed: flying alone" in modes
         await made.tick(3)
         assert made.velocity(21) == (1.0, 0.0), "the planner's again"
+
+
+async def test_what_jams_it_is_inferred_on_board_where_nothing_reveals_it() -> None:
+    async with rig(replace(jamming_ahead(), discovery=Discovery.INFERRED)) as made:
+        made.velocities = {21: (1.0, 0.0)}
+        await made.tick()
+        made.tell(21, zones=(), rules=replace(knowledge(21).rules, inference=INFERENCE))
+        while (21, "jammed") not in made.links():
+            await made.tick()
+        await made.tick(5)
+        ((x, y),) = made.recorder.problems[-1].communication.centres
+        assert 0.2 < x < 2.0
+        assert abs(y) < 0.5
+
+
+async def test_a_silent_planner_is_not_taken_for_jamming() -> None:
+    async with rig(PAIR, AgentSettings(autonomous_s=2.0)) as made:
+        await made.tick(2)
+        made.tell(21, zones=(), rules=replace(knowledge(21).rules, inference=INFERENCE))
+        await made.tick(2)
+        await made.tick(15, planner="dead")
+        assert made.velocity(21) == (0.1, 0.0), "it flies alone"
+        assert made.recorder.problems[-1].communication.centres.shape == (0, 2)
 
 
 async def test_a_sensing_failure_silences_the_sensor_and_not_the_robot() -> None:

@@ -12,8 +12,11 @@ from hypothesis import strategies as st
 
 from tests.vehicles.samples import RULES, SAMPLES, TRACK, ZONE
 from vehicles import messages as wire
+from vehicles.fields import Wire
+from vehicles.rule_parts import InferencePart, RulesPart
 from vehicles.world_messages import Happening
 
+INFERENCE = RULES["inference"]
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "messages.md"
 KINDS = sorted(SAMPLES, key=lambda kind: kind.__name__)
 
@@ -31,7 +34,7 @@ def tables() -> Iterator[tuple[str, str, set[str]]]:
     for line in [*PAGE.read_text().splitlines(), ""]:
         if line.startswith("## "):
             section = line.removeprefix("## ")
-        row = re.match(r"\| `([a-z_]+)` \|", line)
+        row = re.match(r"\| `([a-z0-9_]+)` \|", line)
         if row:
             fields.add(row[1])
         elif fields:
@@ -63,14 +66,15 @@ def test_every_message_is_documented_field_by_field(kind: type[wire.Message]) ->
         (wire.ModePart, "Event", "A mode change"),
         (wire.ReturnPart, "Event", "A return"),
         (wire.NoticePart, "Event", "A notice"),
-        (wire.RulesPart, "Knowledge", "Its rules"),
+        (RulesPart, "Knowledge", "Its rules"),
+        (InferencePart, "Knowledge", "How a robot infers"),
         (wire.ZonePart, "Knowledge", "A zone"),
         (wire.TrackPart, "Knowledge", "A track"),
         (wire.TrueRobotPart, "Truth", "A true robot"),
     ],
 )
 def test_every_part_is_documented_field_by_field(
-    part: type[wire.Wire], section: str, words: str
+    part: type[Wire], section: str, words: str
 ) -> None:
     assert documented(section, words) == set(part.model_fields)
 
@@ -151,6 +155,8 @@ def test_another_version_is_refused(kind: type[wire.Message], version: object) -
         (wire.Knowledge, {"tracks": [{**TRACK, "covariance": [[1.0, 0.0]]}]}),
         (wire.Knowledge, {"rules": {**RULES, "step_s": 0.0}}),
         (wire.Knowledge, {"rules": {**RULES, "horizon": 1000}}),
+        (wire.Knowledge, {"rules": {**RULES, "inference": {**INFERENCE, "period_s": 0.0}}}),
+        (wire.Knowledge, {"rules": {**RULES, "inference": {**INFERENCE, "risk": 0.6}}}),
         (wire.Knowledge, {"weights": [1.0, 1.0, 1.0]}),
         (wire.Knowledge, {"weights": [1.0, 1.0, 1.0, -1.0]}),
         (wire.Command, {"command": "arm"}),

@@ -15,7 +15,16 @@ from solver.planner import Planner
 from solver.problem import Budget
 from solver.zones import Zone, ZoneKind
 from tests.solver.measuring import predicted
-from tests.vehicles.pilots import JAMMING, RULES, SENSING, Recorder, knowledge, track, with_rules
+from tests.vehicles.pilots import (
+    INFERENCE,
+    JAMMING,
+    RULES,
+    SENSING,
+    Recorder,
+    knowledge,
+    track,
+    with_rules,
+)
 from vehicles.onboard import BACK_OFF_M_S, BACK_OFF_MOST_M, OnboardPilot
 
 BUDGET = Budget()
@@ -244,6 +253,49 @@ def test_coming_back_ends_being_alone() -> None:
     assert pilot.report(12.0).tracks == ()
 
 
+# ---------------------------------------------------------------------- zones nobody reveals
+
+
+def silenced(planner: Recorder, **rules: object) -> OnboardPilot:
+    """A pilot that was heard on its way east and is heard no more at the origin."""
+    pilot = OnboardPilot(21, planner)
+    pilot.learn(with_rules(replace(knowledge(), zones=()), **rules))
+    for step in range(-20, 1):
+        pilot.note(10.0 + 0.2 * step, (0.1 * step, 0.0), heard=step < 0)
+    pilot.lost_link(10.0)
+    return pilot
+
+
+def test_what_cut_it_off_is_inferred_where_nothing_reveals_it() -> None:
+    planner = Recorder()
+    pilot = silenced(planner, inference=INFERENCE)
+    pilot.plan(10.2, HERE, STILL, BUDGET)
+    (centre,) = planner.problems[-1].communication.centres
+    assert 0.0 < centre[0] < 2.0
+    assert pilot.report(10.4).zones == (), "what it has inferred is its own"
+    pilot.note(12.0, (-0.5, 0.0), heard=True)
+    pilot.learn(with_rules(replace(knowledge(), zones=()), inference=INFERENCE))
+    assert pilot.zones == ()
+
+
+def test_what_it_has_learnt_is_not_forgotten_when_it_is_told_again() -> None:
+    planner = Recorder()
+    pilot = silenced(planner, inference=INFERENCE)
+    pilot.plan(10.2, HERE, STILL, BUDGET)
+    pilot.note(12.0, (-0.5, 0.0), heard=True)
+    pilot.learn(with_rules(replace(knowledge(), zones=()), inference=INFERENCE))
+    pilot.lost_link(12.2)
+    pilot.plan(12.4, (-0.5, 0.0), STILL, BUDGET)
+    assert len(planner.problems[-1].communication.centres) == 1
+
+
+def test_nothing_is_inferred_where_zones_reveal_themselves() -> None:
+    planner = Recorder()
+    pilot = silenced(planner)
+    pilot.plan(10.2, HERE, STILL, BUDGET)
+    assert planner.problems[-1].communication.centres.shape == (0, 2)
+
+
 # ---------------------------------------------------------------------- with a real optimizer
 
 
@@ -282,3 +334,26 @@ def test_alone_it_keeps_out_of_the_zones_it_knows() -> None:
         near = min(np.hypot(*point) for point in flown_alone((zone,), 40))
         assert near > free
         assert near > 0.5 * zone.quantile() * np.sqrt(0.3)
+
+
+def test_alone_it_leaves_what_cut_it_off_though_nobody_told_it_of_a_zone() -> None:
+    """Its target lies on in the zone; it goes back to where it was heard."""
+    pilot = OnboardPilot(21, Planner(engines.create("sqp")))
+    known = replace(knowledge(), targets=(122,), tracks=(track(122, 1.0, 0.0),), zones=())
+    pilot.learn(with_rules(known, horizon=3, inference=INFERENCE))
+    zone = Zone("c", ZoneKind.COMMUNICATION, (0.7, 0.0), ((0.3, 0.0), (0.0, 0.3)), 0.0, 0.02)
+    for step in range(-20, 0):
+        pilot.note(10.0 + 0.2 * step, (0.1 * step, 0.0), heard=True)
+    pilot.lost_link(10.0)
+    position, velocity, now_s = (0.0, 0.0), STILL, 10.0
+    for _ in range(50):
+        pilot.note(now_s, position, heard=False)
+        pilot.observe(Detections(21, position, ()))
+        velocity, _ = pilot.plan(now_s, position, velocity, BUDGET)
+        position = (position[0] + 0.4 * velocity[0], position[1] + 0.4 * velocity[1])
+        now_s += 0.2
+        if float(zone.density(np.array(position))) < INFERENCE.law.recover_density:
+            break
+    else:
+        raise AssertionError(f"it is still at {position}")
+    assert position[0] < 0.7, "it went out by the way it came"

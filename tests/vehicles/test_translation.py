@@ -10,7 +10,7 @@ from solver.observations import Detections, RobotState, Sighting, TrackReport
 from solver.setpoints import Setpoint
 from solver.streams import Streams
 from solver.zones import ZoneKind
-from tests.vehicles.pilots import JAMMING, SENSING, knowledge, track
+from tests.vehicles.pilots import INFERENCE, JAMMING, SENSING, knowledge, track, with_rules
 from tests.vehicles.world.worlds import robot, world_setup, zone
 from vehicles import messages as wire
 from vehicles import translation
@@ -89,6 +89,12 @@ def test_knowledge_is_dated_by_the_receivers_clock() -> None:
     assert same == known
     assert received.rules.sensor.range_peak == sensor.range_peak
     assert received.rules.sensor.bearing_shape == sensor.bearing_shape
+
+
+def test_how_a_robot_infers_zones_is_told_with_its_rules() -> None:
+    known = with_rules(knowledge(), inference=INFERENCE)
+    arrived = over_the_wire(translation.knowledge_message(HEADER, known, translation.MateParts()))
+    assert translation.knowledge_of(arrived, 3.0).rules.inference == INFERENCE
 
 
 def test_the_truth() -> None:

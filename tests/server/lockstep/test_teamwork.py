@@ -123,3 +123,27 @@ def test_nobody_follows_a_target_through_a_zone_that_is_known(kind: ZoneKind) ->
     assert through < 0.7
     assert around > 1.3
     assert left_behind_m < 0.7, "it comes out on the other side with its target"
+
+
+def spells(seed: int) -> list[int]:
+    """How many steps robot 21 was cut off at a time, its target leading through a hidden zone."""
+    target = {
+        "position": (-3.0, 0.0),
+        "motion": {"kind": "waypoints", "points": [(4.0, 0.0)], "speed_m_s": 0.3},
+    }
+    made = scenario([(-4.0, 0.5)], [target], {21: (122,)}, steps=150)
+    jamming = {"kind": "communication", "mean": (0.0, 0.0), "covariance": ((0.5, 0.0), (0.0, 0.5))}
+    hidden = Scenario.model_validate(
+        made.model_dump() | {"zones": [{"id": "c1", **jamming}], "discovery": "inferred"}
+    )
+    cut_off: list[bool] = []
+    flown(hidden, (), lambda truth: cut_off.append(truth.robots[0].failures.communication), seed)
+    marks = "".join("x" if each else " " for each in cut_off)
+    return [len(spell) for spell in marks.split()]
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_a_robot_finds_out_of_a_zone_that_nothing_reveals(seed: int) -> None:
+    told = spells(seed)
+    assert told
+    assert max(told) <= 10

@@ -6,8 +6,10 @@ import pytest
 
 from server.mission.core import MissionCore
 from server.mission.downlink import KNOWLEDGE_TICKS, MOST_IN_A_TICK, Briefing, Turns
+from server.mission.setup import HazardSetup
 from solver.observations import Link, LinkChange
 from solver.snapshot import Snapshot
+from solver.zones import ZoneKind
 from tests.server.builders import mission_setup, straight_solution
 
 CROWD = tuple(range(1, 201))
@@ -36,6 +38,17 @@ def test_each_is_told_its_own_targets_limits_and_mates(core: MissionCore) -> Non
         ]
     with pytest.raises(KeyError):
         briefing.of(99)
+
+
+def test_how_zones_are_inferred_is_told_where_nothing_reveals_them() -> None:
+    revealed = MissionCore(mission_setup())
+    assert Briefing(revealed).of(21).rules.inference is None
+    hidden = replace(revealed.setup, hazards=HazardSetup(recover_density=0.08, memory_s=300.0))
+    told = Briefing(MissionCore(hidden)).of(21).rules.inference
+    assert told is not None
+    assert (told.memory_s, told.law.recover_density) == (300.0, 0.08)
+    assert told.law.period_s == hidden.planner.attack_period_s
+    assert told.risk_single == hidden.zone_defaults(ZoneKind.COMMUNICATION).risk_single
 
 
 def test_the_lost_are_no_mates_and_are_told_of_those_who_are_left(core: MissionCore) -> None:
