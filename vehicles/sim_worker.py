@@ -28,6 +28,7 @@ from vehicles.agent import DuplicateRobotError
 from vehicles.bus import BusError
 from vehicles.keys import TeamKeys
 from vehicles.lifeline import end_within
+from vehicles.logs import configure_logs
 from vehicles.onboard import OnboardPilot
 from vehicles.sim_job import SimulationJob, load_job
 from vehicles.simulation import Simulation
@@ -143,7 +144,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("--preload", metavar="ENGINE", help="load it before the job comes")
     given = parser.parse_args(arguments)
-    logging.basicConfig(level=logging.INFO, stream=sys.stderr, format="%(levelname)s %(message)s")
+    configure_logs(libraries=logging.INFO)
     try:
         asyncio.run(run(given.job, given.lifetime, given.preload))
     except (BusError, DuplicateRobotError) as error:

@@ -7,7 +7,7 @@ import signal
 from collections.abc import Coroutine
 from typing import Any
 
-from server.logs import configure_logs
+from vehicles.logs import configure_logs
 
 
 async def until_interrupted(work: Coroutine[Any, Any, None]) -> None:

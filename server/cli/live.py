@@ -11,8 +11,8 @@ from server.api.catalogue import Definition
 from server.cli.errors import UsageError
 from server.cli.hosts import commands_of
 from server.live.standby import standby
-from server.logs import configure_logs
 from server.settings import Settings
+from vehicles.logs import configure_logs
 
 if TYPE_CHECKING:
     from server.recording.reader import Recording

@@ -8,8 +8,8 @@ from collections.abc import Awaitable, Callable
 from typing import Any
 
 from server.live.channel import MAX_LINE_BYTES, Handler, Responder
-from server.logs import configure_logs
 from vehicles.lifeline import end_within
+from vehicles.logs import configure_logs
 
 Fly = Callable[[Responder], Awaitable[None]]
 

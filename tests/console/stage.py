@@ -18,11 +18,11 @@ from server.api.identity import Role
 from server.api.models import MissionRequest
 from server.api.web import web_config
 from server.encoding import EventKind, Severity
-from server.logs import configure_logs
 from server.mission.setup import GateMode
 from server.settings import Settings
 from tests.server.api.serving import OpenDoor, Stage
 from tests.server.waiting import eventually
+from vehicles.logs import configure_logs
 
 VIEWER = SecretStr("viewer-token-of-the-stage")
 

@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import os
 import sys
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
@@ -53,7 +54,7 @@ def damaged(**changes: object) -> dict[str, object]:
 
 
 @asynccontextmanager
-async def worker(*arguments: str) -> AsyncIterator[asyncio.subprocess.Process]:
+async def worker(*arguments: str, **settings: str) -> AsyncIterator[asyncio.subprocess.Process]:
     """Start the process; see to it that it is gone afterwards."""
     process = await asyncio.create_subprocess_exec(
         sys.executable,
@@ -61,6 +62,7 @@ async def worker(*arguments: str) -> AsyncIterator[asyncio.subprocess.Process]:
         "vehicles.sim_worker",
         *arguments,
         cwd=ROOT,
+        env={**os.environ, **settings},
         stdin=asyncio.subprocess.PIPE,
         stdout=asyncio.subprocess.PIPE,
         stderr=asyncio.subprocess.PIPE,
@@ -254,3 +256,23 @@ def test_a_damaged_job_is_refused_with_the_field(change: dict[str, object], word
     text = json.dumps({**json.loads(dump_job(job(("tcp/127.0.0.1:1",)))), **change})
     with pytest.raises(JobError, match=words):
         load_job(text)
+
+
+@pytest.mark.process
+@pytest.mark.asyncio
+async def test_programs_get_an_object_per_line_of_its_log() -> None:
+    async with (
+        ZenohBus(ROUTER, KEYS.delivery) as bus,
+        worker("--until-eof", FALCONER_LOG_FORMAT="json") as process,
+    ):
+        await begin(process, dump_job(job(bus.endpoints)))
+        mission = Mission(bus, "p1")
+        async with mission.link:
+            await mission.until_speed(0.5)
+        assert process.stdin is not None
+        process.stdin.close()
+        async with asyncio.timeout(PATIENCE_S):
+            _, log = await process.communicate()
+    lines = [json.loads(line) for line in log.splitlines()]
+    assert "robot 21: flying: following setpoints" in [line["event"] for line in lines]
+    assert all(line["level"] for line in lines)

@@ -8,7 +8,7 @@ import sys
 TELL = """
 import logging
 import structlog
-from server.logs import configure_logs
+from vehicles.logs import configure_logs
 
 configure_logs()
 configure_logs()
