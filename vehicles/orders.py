@@ -6,6 +6,7 @@ from uuid import uuid4
 
 from vehicles import messages as wire
 from vehicles import translation
+from vehicles.bus import Bus
 from vehicles.inbox import Inbox
 from vehicles.keys import TeamKeys, Topic
 from vehicles.zenoh_bus import ZenohBus
@@ -37,17 +38,11 @@ async def give(
     """
     keys = TeamKeys(team)
     inbox = Inbox(keys.delivery)
-    command_id = uuid4().hex
-    key = keys.robot(robot_id, Topic.COMMAND)
-    header = translation.Sender(uuid4().hex[:16]).header(key, monotonic())
-    command = wire.Command(
-        **header, robot_id=robot_id, command=order, command_id=command_id, author="command line"
-    )
     async with ZenohBus(bus_settings, keys.delivery) as bus:
         if not await bus.present(keys.alive(robot_id)):
             raise OrderUnanswered(f"robot {robot_id} of team {team} is not on the bus")
         await bus.subscribe(keys.robot(robot_id, Topic.EVENTS), inbox)
-        bus.publish(key, wire.encode(command))
+        command_id = send(bus, keys, robot_id, order, "command line", monotonic())
         deadline_s = monotonic() + patience_s
         while monotonic() < deadline_s:
             answer = _answer(inbox, command_id)
@@ -57,6 +52,23 @@ async def give(
                 return answer.text
             await asyncio.sleep(LOOK_S)
     raise OrderUnanswered(f"robot {robot_id}: {order.value} is not done after {patience_s:g} s")
+
+
+def send(
+    bus: Bus, keys: TeamKeys, robot_id: int, order: wire.Order, author: str, now_s: float
+) -> str:
+    """Send one robot an order at `now_s`; return its id, which the robot's notices name."""
+    command_id = uuid4().hex
+    key = keys.robot(robot_id, Topic.COMMAND)
+    command = wire.Command(
+        **translation.Sender(uuid4().hex[:16]).header(key, now_s),
+        robot_id=robot_id,
+        command=order,
+        command_id=command_id,
+        author=author,
+    )
+    bus.publish(key, wire.encode(command))
+    return command_id
 
 
 def _answer(inbox: Inbox, command_id: str) -> wire.NoticePart | None:

@@ -113,7 +113,6 @@ class TeamLink:
         self._dropped = 0
         self._truth: bytes | None = None
         self._healths: dict[int, wire.Health] = {}
-        self._orders = 0
         self._declared: list[Subscription] = []
 
     async def __aenter__(self) -> "TeamLink":
@@ -208,21 +207,6 @@ class TeamLink:
         header = self._sender.header(key, self._clock())
         message = wire.Heartbeat(**header, mission=mission, tick=tick, time_s=time_s, state=state)
         self._bus.publish(key, wire.encode(message))
-
-    def send_command(self, robot_id: int, order: wire.Order, author: str) -> str:
-        """Send one robot an operator's order; return its id, told back in notices."""
-        self._orders += 1
-        command_id = f"{self._sender.boot[:40]}-{self._orders}"
-        key = self._keys.robot(robot_id, Topic.COMMAND)
-        message = wire.Command(
-            **self._sender.header(key, self._clock()),
-            robot_id=robot_id,
-            command=order,
-            command_id=command_id,
-            author=author[:100],
-        )
-        self._bus.publish(key, wire.encode(message))
-        return command_id
 
     def control_world(self, action: wire.WorldAction, seed: int | None = None) -> None:
         """Pause, resume or reset the simulated world; nobody minds when there is none."""

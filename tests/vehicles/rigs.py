@@ -14,6 +14,7 @@ from vehicles.knowledge import Knowledge
 from vehicles.link_monitor import LinkSettings
 from vehicles.local_bus import LocalBus, LocalHub
 from vehicles.onboard import OnboardPilot
+from vehicles.orders import send
 from vehicles.settings import AgentSettings, SimulationSettings
 from vehicles.simulation import Simulation
 from vehicles.team_link import Notice, TeamLink
@@ -29,6 +30,9 @@ class Rig:
         self.hub = hub
         self.recorder = recorder
         self.now_s = 1000.0
+        self.bus: LocalBus
+        """The planner's."""
+
         self.simulation: Simulation
         self.link: TeamLink
         self.observed: list[Observation] = []
@@ -72,6 +76,10 @@ class Rig:
         self.link.send_knowledge(known)
         return known
 
+    def order(self, robot_id: int, order: wire.Order) -> str:
+        """Give a robot an operator's order; return its id."""
+        return send(self.bus, KEYS, robot_id, order, "operator", self.now_s)
+
     def links(self) -> list[tuple[int, str]]:
         """Return every change of a link so far."""
         return [
@@ -111,6 +119,7 @@ async def rig(
             lambda robot_id: OnboardPilot(robot_id, made.recorder),
             "s1",
         )
+        made.bus = mission
         made.link = TeamLink(mission, KEYS, ids, "p1", lambda: made.now_s, LinkSettings())
         async with made.link, made.simulation:
             yield made

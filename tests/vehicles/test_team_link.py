@@ -227,14 +227,13 @@ async def test_a_flood_of_events_is_bounded_and_said() -> None:
 async def test_what_is_sent_arrives_as_it_is() -> None:
     async with Desk() as desk, LocalBus(desk.hub) as vehicles:
         reader = Reader()
-        for topic in (Topic.SETPOINT, Topic.KNOWLEDGE, Topic.COMMAND):
+        for topic in (Topic.SETPOINT, Topic.KNOWLEDGE):
             await vehicles.subscribe(KEYS.robot(21, topic), reader.inbox)
         await vehicles.subscribe(KEYS.heartbeat, reader.inbox)
         await vehicles.subscribe(KEYS.control, reader.inbox)
         setpoint = Setpoint(21, (0.1, 0.2), (1.0, 2.0), 1.5, 0.5)
         desk.link.send_setpoints((setpoint,), "m1")
         desk.link.send_knowledge(knowledge(21))
-        order_id = desk.link.send_command(21, wire.Order.LAND, "operator")
         desk.link.send_heartbeat("m1", 7, 0.7, wire.PlannerState.HELD)
         desk.link.control_world(wire.WorldAction.RESET, 5)
         found = {sample.key: sample.payload for sample in reader.take()}
@@ -243,8 +242,6 @@ async def test_what_is_sent_arrives_as_it_is() -> None:
         assert (sent.boot, sent.seq, sent.stamp_s, sent.mission) == ("p1", 0, 50.0, "m1")
         known = wire.decode(wire.Knowledge, found[KEYS.robot(21, Topic.KNOWLEDGE)])
         assert translation.knowledge_of(known, 10.0).zones == knowledge(21).zones
-        command = wire.decode(wire.Command, found[KEYS.robot(21, Topic.COMMAND)])
-        assert (command.command, command.command_id) == (wire.Order.LAND, order_id)
         beat = wire.decode(wire.Heartbeat, found[KEYS.heartbeat])
         assert (beat.tick, beat.time_s, beat.state) == (7, 0.7, wire.PlannerState.HELD)
         control = wire.decode(wire.WorldControl, found[KEYS.control])

@@ -5,6 +5,7 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import replace
 from pathlib import Path
+from time import monotonic
 
 import pytest
 
@@ -15,6 +16,7 @@ from tests.vehicles.test_sim_worker import Mission, begin, job, worker
 from vehicles import messages as wire
 from vehicles.bus import Bus
 from vehicles.keys import DOWNWARD, UPWARD, Topic
+from vehicles.orders import send
 from vehicles.sim_job import dump_job
 from vehicles.zenoh_access import (
     OPERATOR,
@@ -216,7 +218,7 @@ async def test_a_simulated_team_flies_under_the_rules(router: ZenohSettings) -> 
             async with mission.link:
                 await mission.until_speed(0.5)
                 assert set(mission.links().values()) == {Link.CONNECTED}
-                mission.link.send_command(21, wire.Order.HOLD, "test")
+                send(bus, KEYS, 21, wire.Order.HOLD, "test", monotonic())
                 mission.link.control_world(wire.WorldAction.PAUSE)
                 async with asyncio.timeout(PATIENCE_S):
                     while (truth := mission.link.truth()) is None or (
