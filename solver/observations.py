@@ -88,11 +88,14 @@ class OnboardTrack:
 
 @dataclass(frozen=True, slots=True)
 class TrackReport:
-    """What a robot brings when it returns: its tracks and the zones it knows."""
+    """What a robot brings when it returns: its tracks, the zones it knows, where it was silent."""
 
     robot_id: int
     tracks: tuple[OnboardTrack, ...]
     zones: tuple[Zone, ...]
+    silent: tuple[Point, ...] = ()
+    """Places where nobody heard it, metres; told where zones are inferred."""
+
     type: Literal["track_report"] = "track_report"
 
 

@@ -5,6 +5,7 @@ else has for as long as it is away. Sans-I/O, deterministic; frame ENU, metres, 
 """
 
 from dataclasses import dataclass
+from math import dist
 
 import numpy as np
 
@@ -15,6 +16,10 @@ from solver.zones import Point, Zone, ZoneKind
 
 OWN = "own"
 """Names of zones that a robot has inferred by itself begin so; nobody else hears them."""
+
+APART_M = 0.2
+MOST_PLACES = 128
+"""Where it was silent is remembered so finely, and so many places of one spell."""
 
 LONGEST_STEP_S = 0.5
 """A place stands for the time since the last one, but not for more."""
@@ -49,6 +54,12 @@ class JammingMap:
         self._map = HazardMap(rules.law, lower, upper, rules.memory_s)
         self._noted_s: float | None = None
         self._silent = False
+        self._places: list[Point] = []
+
+    @property
+    def silent(self) -> tuple[Point, ...]:
+        """Places where it was not heard since it last fell silent, some way apart, metres."""
+        return tuple(self._places)
 
     def note(self, now_s: float, position: Point, *, heard: bool) -> None:
         """Take where the robot is, and whether it is heard there."""
@@ -66,6 +77,12 @@ class JammingMap:
             now_s,
         )
         self._noted_s, self._silent = now_s, not heard
+        if struck:
+            self._places.clear()
+        if not heard and len(self._places) < MOST_PLACES:
+            away = (dist(position, place) for place in self._places)
+            if min(away, default=APART_M) >= APART_M:
+                self._places.append(position)
 
     def zones(self, told: tuple[Zone, ...]) -> tuple[Zone, ...]:
         """Think for a bounded time, that of one fit; return the zones that are believed in.

@@ -173,6 +173,7 @@ class ReturnPart(Wire):
     type: Literal["return"] = "return"
     tracks: Annotated[tuple[TrackPart, ...], Field(max_length=1024)]
     zones: Annotated[tuple[ZonePart, ...], Field(max_length=256)]
+    silent: Annotated[tuple[Position, ...], Field(max_length=256)] = ()
 
 
 class NoticePart(Wire):

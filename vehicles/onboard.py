@@ -172,7 +172,7 @@ class OnboardPilot:
         return 0.0 if self._beliefs is None else estimation.trace(self._beliefs)
 
     def report(self, now_s: float) -> TrackReport:
-        """Return what the robot brings to the team at `now_s`: its tracks and its own zones.
+        """Return what the robot brings to the team at `now_s`: tracks, zones, silent places.
 
         The tracks are predicted to that moment, so that they can be fused with the team's. Zones
         are those that have struck it and of which the planner has not told it since: what it was
@@ -193,7 +193,8 @@ class OnboardPilot:
                         covariance=tuple(tuple(r) for r in beliefs.covariances[row].tolist()),
                     )
                 )
-        return TrackReport(self.robot_id, tuple(tracks), tuple(self._revealed.values()))
+        silent = () if self._jamming is None else self._jamming.silent
+        return TrackReport(self.robot_id, tuple(tracks), tuple(self._revealed.values()), silent)
 
     def _begin_map(self, rules: FlightRules) -> None:
         """Begin a map of jamming where the rules ask for one; another one where they change."""

@@ -155,6 +155,7 @@ def return_part(report: facts.TrackReport) -> wire.ReturnPart:
     return wire.ReturnPart(
         tracks=tuple(track_part(track) for track in report.tracks),
         zones=tuple(zone_part(zone) for zone in report.zones),
+        silent=report.silent,
     )
 
 
@@ -164,6 +165,7 @@ def report_of(robot_id: int, part: wire.ReturnPart) -> facts.TrackReport:
         robot_id,
         tuple(track_of(track) for track in part.tracks),
         tuple(zone_of(zone) for zone in part.zones),
+        part.silent,
     )
 
 

@@ -311,6 +311,7 @@ class MissionCore:
         if self._team.row(report.robot_id) is None:
             return
         self._beliefs = estimation.fuse(self._beliefs, report.tracks)
+        self._hazards.unheard(report.silent)
         for zone in report.zones:
             # What was inferred when a robot was cut off is older than what is inferred now.
             if not self._hazards.owns(zone.id):

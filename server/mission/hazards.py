@@ -1,9 +1,9 @@
 """What the mission infers of zones that nobody has shown to it: from failures, and their absence.
 
 Of robots in reach the places are known at every report, and their sensing failures with them. A
-robot that falls silent was hit where it was last; what happens to it then nobody sees, so that its
-time apart tells nothing, and its return that it came out. Zones likely enough become known zones
-under names of their own (`i1`, `i2`, ...), as wide as their extent and the doubt about it.
+robot that falls silent was hit where it was last; when it returns it has come out, and tells where
+it was not heard. Zones likely enough become known zones under names of their own (`i1`, `i2`, ...),
+as wide as their extent and the doubt about it.
 """
 
 import re
@@ -21,7 +21,7 @@ from solver.hypotheses import Law
 from solver.inferences import Exposure, HazardEstimate
 from solver.observations import Attack, Link, LinkChange
 from solver.snapshot import InferredZone
-from solver.zones import Zone, ZoneKind
+from solver.zones import Point, Zone, ZoneKind
 
 LATE_S: Final = 0.5
 """Word of a hit that is older tells of a place that is not known any more."""
@@ -49,6 +49,7 @@ class HazardBook:
         self._cut_off: set[int] = set()
         self._back: set[int] = set()
         self._blind: set[int] = set()
+        self._unheard: list[Point] = []
         self._noted_s: dict[int, float] = {}
         self._vouched: tuple[Zone, ...] = ()
         self._shown: dict[str, InferredZone] = {}
@@ -73,6 +74,11 @@ class HazardBook:
             self._cut_off.add(change.robot_id)
         elif change.link is Link.CONNECTED and before is Link.JAMMED:
             self._back.add(change.robot_id)
+
+    def unheard(self, places: tuple[Point, ...]) -> None:
+        """Take where a robot that has returned was not heard, metres."""
+        if self._maps:
+            self._unheard += places
 
     def release(self, zone_id: str) -> None:
         """Leave a zone to people, who have erased or changed it."""
@@ -102,6 +108,7 @@ class HazardBook:
         self._struck.clear()
         self._cut_off.clear()
         self._back.clear()
+        self._unheard.clear()
         # One fit in a tick: where the first map has thought, the second waits.
         if not any(hazards.update() for hazards in self._maps.values()):
             return ()
@@ -181,13 +188,14 @@ class HazardBook:
         positions = np.array(team.positions_of(rows))
         # Its last report was from one tick before the silence, in which it flew as it was told.
         positions[len(there) :] += min(elapsed_s, LATE_S) * team.commanded(rows[len(there) :])
-        count = len(rows)
+        parts = [len(there), len(struck), len(self._unheard)]
+        back = [i in self._back for i in (*there, *struck)]
         return Exposure(
-            positions=positions,
-            seconds=np.append(self._seconds(there, now_s), np.zeros(len(struck))),
-            hits=np.repeat([0, 1], [len(there), len(struck)]),
-            failing=np.zeros(count, dtype=np.bool_),
-            recovered=np.array([i in self._back for i in (*there, *struck)], dtype=np.bool_),
+            positions=np.concatenate((positions, np.reshape(self._unheard, (-1, 2)))),
+            seconds=np.append(self._seconds(there, now_s), np.zeros(sum(parts[1:]))),
+            hits=np.repeat([0, 1, 0], parts),
+            failing=np.repeat([False, False, True], parts),
+            recovered=np.append(back, np.zeros(parts[2])).astype(np.bool_),
         )
 
     def _seconds(self, heard: list[int], now_s: float) -> np.ndarray:

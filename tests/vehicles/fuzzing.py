@@ -53,6 +53,7 @@ EVENTS: tuple[dict[str, Any], ...] = (
     {"type": "recovery", "kind": "communication"},
     {"type": "mode", "mode": "flying", "previous": "holding", "reason": "a setpoint"},
     {"type": "return", "tracks": [SAMPLES[wire.Knowledge]["tracks"][0]], "zones": []},
+    {"type": "return", "tracks": [], "zones": [], "silent": [[1.0, 2.0]]},
     {"type": "notice", "code": "battery", "text": "20 % left"},
 )
 NASTY: tuple[Any, ...] = (

@@ -5,7 +5,7 @@ import pytest
 
 from solver.zones import Point, Zone, ZoneKind
 from tests.vehicles.pilots import INFERENCE
-from vehicles.inference import OWN, JammingMap
+from vehicles.inference import MOST_PLACES, OWN, JammingMap
 
 STEP_S = 0.2
 
@@ -65,6 +65,20 @@ def test_what_a_zone_explains_that_it_was_told_of_needs_no_other() -> None:
     assert flown(silent=10, told=(known,)).zones((known,)) == ()
     other_kind = Zone("s1", ZoneKind.SENSING, known.mean, known.covariance, 0.1, 0.02, 0.1)
     assert len(flown(silent=10, told=(other_kind,)).zones((other_kind,))) == 1
+
+
+def test_it_remembers_where_it_was_not_heard_some_way_apart() -> None:
+    own = flown()
+    assert len(own.silent) == 0
+    for step in range(12):
+        own.note(STEP_S * (30 + step), (0.07 * step, 0.0), heard=False)
+    own.note(STEP_S * 50, (1.0, 0.0), heard=True)
+    assert np.array(own.silent)[:, 0] == pytest.approx([0.0, 0.21, 0.42, 0.63])
+    own.note(STEP_S * 51, (3.0, 0.0), heard=False)
+    assert list(own.silent) == [(3.0, 0.0)], "the next time is another one"
+    for step in range(1000):
+        own.note(STEP_S * (52 + step), (3.0, 0.5 * step), heard=False)
+    assert len(own.silent) == MOST_PLACES
 
 
 def test_the_same_flight_gives_the_same_map() -> None:

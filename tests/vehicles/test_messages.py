@@ -17,6 +17,7 @@ from vehicles.rule_parts import InferencePart, RulesPart
 from vehicles.world_messages import Happening
 
 INFERENCE = RULES["inference"]
+RETURN: dict[str, Any] = {"type": "return", "tracks": [], "zones": []}
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "messages.md"
 KINDS = sorted(SAMPLES, key=lambda kind: kind.__name__)
 
@@ -147,6 +148,9 @@ def test_another_version_is_refused(kind: type[wire.Message], version: object) -
             wire.Event,
             {"event": {"type": "return", "tracks": [{**TRACK, "mean": [1.0]}], "zones": []}},
         ),
+        (wire.Event, {"event": {**RETURN, "silent": [[1.0, None]]}}),
+        (wire.Event, {"event": {**RETURN, "silent": [[0.0, 1.1e7]]}}),
+        (wire.Event, {"event": {**RETURN, "silent": [[0.0, 0.0]] * 257}}),
         (wire.Knowledge, {"zones": [{**ZONE, "risk": 0.6}]}),
         (wire.Knowledge, {"zones": [{**ZONE, "covariance": [[1.0, 2.0], [2.0, 1.0]]}]}),
         (wire.Knowledge, {"zones": [{**ZONE, "covariance": [[1.0, 0.5], [0.1, 1.0]]}]}),

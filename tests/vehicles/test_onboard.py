@@ -272,7 +272,9 @@ def test_what_cut_it_off_is_inferred_where_nothing_reveals_it() -> None:
     pilot.plan(10.2, HERE, STILL, BUDGET)
     (centre,) = planner.problems[-1].communication.centres
     assert 0.0 < centre[0] < 2.0
-    assert pilot.report(10.4).zones == (), "what it has inferred is its own"
+    report = pilot.report(10.4)
+    assert report.zones == (), "what it has inferred is its own"
+    assert report.silent == ((0.0, 0.0),), "the team draws its own conclusions"
     pilot.note(12.0, (-0.5, 0.0), heard=True)
     pilot.learn(with_rules(replace(knowledge(), zones=()), inference=INFERENCE))
     assert pilot.zones == ()
@@ -294,6 +296,7 @@ def test_nothing_is_inferred_where_zones_reveal_themselves() -> None:
     pilot = silenced(planner)
     pilot.plan(10.2, HERE, STILL, BUDGET)
     assert planner.problems[-1].communication.centres.shape == (0, 2)
+    assert pilot.report(10.4).silent == ()
 
 
 # ---------------------------------------------------------------------- with a real optimizer

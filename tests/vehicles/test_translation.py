@@ -61,7 +61,7 @@ def test_events() -> None:
         attack = translation.attack_of(21, arrived, 9.5)
         assert (attack.robot_id, attack.kind, attack.time_s) == (21, ZoneKind.SENSING, 9.5)
         assert attack.zone == revealed
-    report = TrackReport(21, (track(122, 1.0, 2.0),), (SENSING, JAMMING))
+    report = TrackReport(21, (track(122, 1.0, 2.0),), (SENSING, JAMMING), ((0.5, 1.0), (0.7, 1.0)))
     back = over_the_wire(
         wire.Event(**HEADER, robot_id=21, age_s=0.0, event=translation.return_part(report))
     ).event

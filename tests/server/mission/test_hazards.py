@@ -105,6 +105,31 @@ def test_a_robot_that_falls_silent_was_hit_where_it_was_last() -> None:
     assert [zone.id for zone in snapshot.zones] == ["i1"], "what it tells late is no second hit"
 
 
+def back_from(silent: tuple[Point, ...]) -> Snapshot:
+    """What is known after robot 21 was cut off in one place and says where it was not heard."""
+    flight = Flight(MissionCore(inferring()))
+    for x in range(8):
+        flight.tick({21: (HIT[0] - 0.8 + 0.1 * x, HIT[1]), 22: ELSEWHERE})
+    flight.core.observe(LinkChange(21, Link.JAMMED, "silent"))
+    for _ in range(4):
+        flight.tick({22: ELSEWHERE})
+    flight.core.observe(LinkChange(21, Link.CONNECTED, "heard"))
+    flight.core.observe(TrackReport(21, (), (), silent))
+    snapshot = flight.core.snapshot
+    for _ in range(20):
+        snapshot = flight.tick({21: ELSEWHERE, 22: ELSEWHERE})
+    return snapshot
+
+
+def test_where_a_robot_was_not_heard_tells_where_the_zone_lies() -> None:
+    (vague,) = back_from(()).zones
+    north = tuple((HIT[0], HIT[1] + 0.2 * step) for step in range(8))
+    (zone,) = back_from(north).zones
+    assert zone.mean[1] > vague.mean[1] + 0.3
+    beyond = ((1e7, -1e7), (HIT[0], HIT[1] + 0.4))
+    assert len(back_from(beyond).zones) == 1, "a place nobody can have been breaks nothing"
+
+
 def test_a_lost_robot_and_late_word_tell_nothing() -> None:
     flight = Flight(MissionCore(inferring()))
     flight.tick({21: HIT, 22: ELSEWHERE})
