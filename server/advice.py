@@ -11,7 +11,7 @@ from llm.consultation import Consultation, consult_action, consult_task
 from llm.history import History
 from llm.prompts import PromptView
 from llm.styles import PromptStyle
-from server.gate.decisions import Decision, Refuser
+from server.gate.decisions import Decision, Refuser, Status
 from server.gate.decisions import Loop as CardLoop
 from server.mission.core import MissionCore
 from server.result import LoopTally
@@ -41,25 +41,44 @@ class Relief:
 
     The third rung of the ladder: a model that has given no valid assignment for
     `SILENT_PERIODS` of its periods, whatever the reason, is stood in for, once per period,
-    until it answers again. The weights stay as they are.
+    until it answers again. The weights stay as they are. A model is not silent while a person
+    thinks about what it said.
+
+    Args:
+        task_period_s: Of the task model's loop.
+        began_s: Mission time from which on the model is asked.
     """
 
-    def __init__(self, task_period_s: float) -> None:
+    def __init__(self, task_period_s: float, began_s: float) -> None:
         self._period_s = task_period_s
-        self._heard_s = 0.0
+        self._heard_s = began_s
         self._solved_s: float | None = None
+        self._considered: set[str] = set()
+        """Ids of the cards that wait for a person."""
 
     def note(self, card: Decision) -> None:
         """Take note of a decision: a valid answer of the task model ends the silence.
 
-        Also where the gate or a person refused it: the model is there.
+        Also where the gate or a person refused it: the model is there. Cards are told again when
+        they are decided, and when their effect is known.
         """
-        if card.loop is CardLoop.TASK and card.refused_by not in _SILENCES:
-            self._heard_s = card.time_s
+        if card.loop is not CardLoop.TASK:
+            return
+        if card.status is Status.PENDING:
+            self._considered.add(card.id)
+        else:
+            self._considered.discard(card.id)
+        if card.refused_by in _SILENCES:
+            return
+        heard_s = card.time_s if card.decided_s is None else card.decided_s
+        if heard_s > self._heard_s:
+            self._heard_s = heard_s
             self._solved_s = None
 
     def due(self, now_s: float) -> bool:
         """Return whether to solve now; true once per period of silence."""
+        if self._considered:
+            return False
         since_s = self._heard_s + SILENT_PERIODS * self._period_s
         if self._solved_s is not None:
             since_s = self._solved_s + self._period_s

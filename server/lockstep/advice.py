@@ -132,7 +132,7 @@ class VirtualAdvice:
         periods = core.core.setup.loops
         self._core = core
         self._council = council
-        self._relief = Relief(periods.task_period_s)
+        self._relief = Relief(periods.task_period_s, max(0.0, core.snapshot.time_s))
         council.listeners.append(lambda card, _: self._relief.note(card))
         self._solver = ExactSolver(core.core.setup)
         self._reliefs = 0
