@@ -16,6 +16,7 @@ import os
 import sys
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from functools import partial
 from pathlib import Path
@@ -36,8 +37,9 @@ from vehicles.zenoh_settings import ZenohMode, ZenohSettings
 ROOT = Path(__file__).resolve().parents[1]
 KEYS = TeamKeys("bench")
 WARM_UP_S = 1.0
-SETTLE_S = 1.0
-"""After the last message, before it is counted as lost."""
+LOOK_S = 0.02
+LAST_S = 30.0
+"""So long the last message of each key is waited for, which nothing replaces."""
 
 
 @dataclass(slots=True)
@@ -54,7 +56,6 @@ class Tally:
         self.latencies_s.append(time.monotonic() - message.stamp_s)
         if message.seq <= self.last.get(key, -1):
             self.disordered += 1
-        self.first.setdefault(key, message.seq)
         self.last[key] = message.seq
 
     def due(self, sent: dict[str, int]) -> int:
@@ -140,6 +141,9 @@ class Counted:
     def __init__(self, decode: Callable[[str, bytes], wire.Message]) -> None:
         self.tally = Tally()
         self.offered = 0
+        self._begun: dict[str, bytes] = {}
+        """The first message of each key, which a newer one may replace before it is read."""
+
         self._decode = decode
         self._inbox = Inbox(KEYS.delivery, self._drain)
 
@@ -150,6 +154,7 @@ class Counted:
     def offer(self, sample: Sample) -> None:
         """Count what Zenoh delivers before the inbox conflates it."""
         self.offered += 1
+        self._begun.setdefault(sample.key, sample.payload)
         self._inbox.offer(sample)
 
     @property
@@ -157,8 +162,19 @@ class Counted:
         """How many samples a newer one replaced."""
         return self.offered - len(self.tally.latencies_s)
 
+    async def until_last(self, sent: dict[str, int]) -> None:
+        """Wait for the last of so many messages of each key, or as long as one waits for it."""
+        with suppress(TimeoutError):
+            async with asyncio.timeout(LAST_S):
+                last = self.tally.last
+                while any(last.get(key, -1) < n - 1 for key, n in sent.items()):  # noqa: ASYNC110
+                    await asyncio.sleep(LOOK_S)
+
     def _drain(self) -> None:
         for sample in self._inbox.drain():
+            if sample.key not in self.tally.first:
+                first = self._decode(sample.key, self._begun[sample.key])
+                self.tally.first[sample.key] = first.seq
             self.tally.take(sample.key, self._decode(sample.key, sample.payload))
 
 
@@ -178,11 +194,13 @@ async def vehicles(share: Share) -> Report:
     """Be some of the robots; return what was sent, heard and spent."""
     own = [Robot(robot_id, share) for robot_id in share.robot_ids]
     begun = asyncio.Event()
+    setpoints: asyncio.Future[int] = asyncio.get_running_loop().create_future()
     async with asyncio.TaskGroup() as group:
-        flying = [group.create_task(robot.fly(begun)) for robot in own]
+        flying = [group.create_task(robot.fly(begun, setpoints)) for robot in own]
         await asyncio.wait_for(asyncio.to_thread(sys.stdin.readline), 120.0)
         cpu_s, wall_s = time.process_time(), time.monotonic()
         begun.set()
+        setpoints.set_result(int(await asyncio.to_thread(sys.stdin.readline)))
         await asyncio.wait(flying)
         cores = (time.process_time() - cpu_s) / (time.monotonic() - wall_s)
     return Report(
@@ -207,8 +225,8 @@ class Robot:
         """Return how many messages were sent on each key."""
         return {KEYS.robot(self._id, topic): count for topic, count in self._counts.items()}
 
-    async def fly(self, begun: asyncio.Event) -> None:
-        """Say and hear for the time asked for."""
+    async def fly(self, begun: asyncio.Event, setpoints: asyncio.Future[int]) -> None:
+        """Say and hear for the time asked for, and until the last of so many setpoints has come."""
         share = self._share
         settings = ZenohSettings(connect=(share.endpoint,))
         async with ZenohBus(settings, KEYS.delivery) as bus:
@@ -230,7 +248,8 @@ class Robot:
             # Robots are not in step with each other.
             await asyncio.sleep((self._id * 0.618) % 1.0 / share.hz)
             await paced(share.hz, WARM_UP_S + share.seconds, send)
-            await asyncio.sleep(SETTLE_S)
+            own = KEYS.robot(self._id, Topic.SETPOINT)
+            await self.heard.until_last({own: await asyncio.shield(setpoints)})
 
 
 # ---------------------------------------------------------------------- planner
@@ -273,10 +292,18 @@ async def measure(robots: int, hz: float, seconds: float, processes: int) -> Res
                     bus.publish(KEYS.robot(robot_id, Topic.SETPOINT), wire.encode(message))
                 sent += 1
 
-            reports = asyncio.gather(*(process.communicate(b"go\n") for process in started))
+            for process in started:
+                assert process.stdin is not None
+                process.stdin.write(b"go\n")
+                await process.stdin.drain()
             await paced(hz, WARM_UP_S + seconds, send)
             cores = (time.process_time() - cpu_s) / (time.monotonic() - wall_s)
-            told = [Report(**json.loads(out)) for out, _ in await reports]
+            # Robots send as often, with an event a second, and stay until all of it has come.
+            await states.until_last({KEYS.robot(i, Topic.STATE): sent for i in ids})
+            await events.until_last({KEYS.robot(i, Topic.EVENTS): sent // round(hz) for i in ids})
+            last = b"%d\n" % sent
+            reports = await asyncio.gather(*(process.communicate(last) for process in started))
+            told = [Report(**json.loads(out)) for out, _ in reports]
         finally:
             for process in started:
                 if process.returncode is None:

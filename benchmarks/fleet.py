@@ -18,10 +18,12 @@ from typing import Self
 
 ROOT = Path(__file__).resolve().parents[1]
 FALCONER = (sys.executable, "-m", "server.cli")
-READY_S = 60.0
+READY_S = 120.0
 """A loaded machine needs its time to import everything."""
 
-GRACE_S = 5.0
+GRACE_S = 20.0
+"""A process that ends in order still has something to say; then it is ended by force."""
+
 KEPT_LINES = 500
 
 

@@ -27,14 +27,16 @@ from benchmarks.report import verdict
 from server.cli.progress import progress_bar
 from server.scenarios import library
 from vehicles import messages as wire
+from vehicles.alongside import alongside
 from vehicles.inbox import Inbox
-from vehicles.keys import TeamKeys, Topic
+from vehicles.keys import Delivery, TeamKeys, Topic
 from vehicles.zenoh_bus import ZenohBus
 from vehicles.zenoh_settings import ZenohSettings
 
 SCENARIO = "mixed"
 EXTERNAL = {21: "ardupilot", 22: "px4"}
 TOKEN = "operator-of-the-benchmark"
+ANSWER_S = 30.0
 LOOK_S = 0.02
 MEETING_S = 120.0
 """How long everybody may take to find each other; it is not what is measured."""
@@ -76,6 +78,13 @@ class Watch:
                     self.heard_s[robot_id] = now_s
                     self.setpoints[robot_id] = self.setpoints.get(robot_id, 0) + 1
 
+    def forget(self) -> None:
+        """Count from now on."""
+        self.setpoints.clear()
+        self.longest_s.clear()
+        self.events.clear()
+        self.modes.clear()
+
     def refusals(self) -> list[str]:
         """Return what was refused of setpoints and orders, in words."""
         return [
@@ -101,12 +110,34 @@ class Mission:
         values: dict[str, Any] = answer.json()
         return values
 
-    async def last(self, seconds: float) -> None:
-        """Listen for so long."""
-        until_s = monotonic() + seconds
-        while monotonic() < until_s:
+    async def listen(self) -> None:
+        """Listen for ever."""
+        while True:
             self.watch.hear(self.keys)
             await asyncio.sleep(LOOK_S)
+
+    async def events(self, after: int = 0) -> list[dict[str, Any]]:
+        """Return what the mission has told people after an event of a number."""
+        found: list[dict[str, Any]] = []
+        while True:
+            url = f"/missions/m1/events?limit=500&after={found[-1]['seq'] if found else after}"
+            page = (await self.http.get(url)).raise_for_status().json()["events"]
+            if not page:
+                return found
+            found += page
+
+    async def until_tracked(self) -> dict[str, Any]:
+        """Return the first snapshot that shows every target tracked, or that of the last moment.
+
+        The track of a robot that a zone has blinded goes on without being seen until it is out.
+        """
+        until_s = monotonic() + MEETING_S
+        while True:
+            snapshot = await self.snapshot()
+            seen = all(track["status"] == "tracked" for track in snapshot["targets"])
+            if seen or monotonic() > until_s:
+                return snapshot
+            await asyncio.sleep(0.2)
 
 
 @asynccontextmanager
@@ -152,18 +183,31 @@ async def mission(llm: str = "mock") -> AsyncIterator[Mission]:
             httpx.AsyncClient(
                 base_url=f"http://127.0.0.1:{port}/api/v1",
                 headers={"authorization": f"Bearer {TOKEN}"},
+                timeout=ANSWER_S,
                 trust_env=False,
             ) as http,
         ):
-            watch = Watch(Inbox(keys.delivery))
+            watch = Watch(counting_inbox(keys))
             for topic in (Topic.STATE, Topic.HEALTH, Topic.EVENTS, Topic.SETPOINT):
                 await session.subscribe(keys.robot(None, topic), watch.inbox)
             made = Mission(watch, keys, http, list(flown))
-            async with asyncio.timeout(MEETING_S):
-                while not _all_fly(watch, set(robots)):
-                    await made.last(0.2)
-            yield made
+            async with alongside(made.listen()):
+                async with asyncio.timeout(MEETING_S):
+                    while not _all_fly(watch, set(robots)):  # noqa: ASYNC110
+                        await asyncio.sleep(0.2)
+                yield made
             await made.http.post("/missions/m1/stop")
+
+
+def counting_inbox(keys: TeamKeys) -> Inbox:
+    """Return an inbox in which no setpoint replaces another one: they are counted."""
+
+    def delivery(key: str) -> Delivery:
+        address = keys.parse(key)
+        counted = address is not None and address.topic is Topic.SETPOINT
+        return Delivery.EVENT if counted else keys.delivery(key)
+
+    return Inbox(delivery)
 
 
 def _all_fly(watch: Watch, robots: set[int]) -> bool:
@@ -175,25 +219,30 @@ async def measure(seconds: float, llm: str) -> dict[str, Any]:
     """Fly for so long; return the figures."""
     errors_m: list[float] = []
     async with mission(llm) as made:
+        told = await made.events()
         before = await made.snapshot()
         refused = {robot_id: health.refused for robot_id, health in made.watch.healths.items()}
-        made.watch.setpoints.clear()
-        made.watch.longest_s.clear()
+        made.watch.forget()
         began_s, load = monotonic(), os.getloadavg()[0]
         with progress_bar("seconds flown", round(seconds)) as show:
             while monotonic() - began_s < seconds:
-                await made.last(1.0)
+                await asyncio.sleep(1.0)
                 errors_m += _errors_m(await made.snapshot())
                 show(round(monotonic() - began_s))
         after, took_s = await made.snapshot(), monotonic() - began_s
+        counted = dict(sorted(made.watch.setpoints.items()))
+        news = await made.events(told[-1]["seq"] if told else 0)
+        tracked = await made.until_tracked()
         watch = made.watch
     ticks = [one["loops"]["optimizer"] for one in (before, after)]
     return {
         "seconds": round(took_s, 1),
+        "mission_s": round(after["time_s"] - before["time_s"], 3),
         "load": [round(load, 1), round(os.getloadavg()[0], 1)],
         "ticks": ticks[1]["calls"] - ticks[0]["calls"],
         "missed_ticks": ticks[1]["missed"] - ticks[0]["missed"],
-        "setpoints": dict(sorted(watch.setpoints.items())),
+        "setpoints": counted,
+        "cut_off": sorted(_cut_off(before) | _cut_off(after) | _lost_touch(news)),
         "longest_wait_s": {k: round(v, 3) for k, v in sorted(watch.longest_s.items())},
         "refused_on_board": {
             robot_id: health.refused - refused[robot_id]
@@ -202,10 +251,21 @@ async def measure(seconds: float, llm: str) -> dict[str, Any]:
         "refusals": watch.refusals(),
         "autopilots": {one.name: _counted(one) for one in made.autopilots},
         "modes": {robot_id: sorted(modes) for robot_id, modes in sorted(watch.modes.items())},
-        "tracked": [track["status"] for track in after["targets"]],
+        "tracked": [track["status"] for track in tracked["targets"]],
         "mean_error_m": round(sum(errors_m) / len(errors_m), 3) if errors_m else None,
         "attacks": after["attacks"],
     }
+
+
+def _cut_off(snapshot: dict[str, Any]) -> set[int]:
+    """Return the robots that the planner does not reach."""
+    return {robot["id"] for robot in snapshot["robots"] if robot["link"] != "connected"}
+
+
+def _lost_touch(events: list[dict[str, Any]]) -> set[int]:
+    """Return the robots that the planner has told it does not reach."""
+    links = [event["data"] for event in events if "link" in (event["data"] or {})]
+    return {data["robot"] for data in links if data["link"] != "connected"}
 
 
 def _counted(autopilot: Running) -> list[int]:

@@ -68,6 +68,9 @@ PATIENCE_S = 120.0
 """How long everybody may take to find each other, or to notice that somebody is gone."""
 
 CLOSING_S = 60.0
+LEAST_TICKS = 60
+"""A slow machine flies for longer until it has flown so many."""
+
 FAULTS = frozenset({"no_answer", "parsing", "verification"})
 """By whom a decision was refused where the model is to blame."""
 
@@ -112,6 +115,25 @@ class Ordeal:
         """Wait until everybody knows that the robot is lost."""
         await self.until(lambda links: links[LOST] == "lost", f"robot {LOST} is not missed")
 
+    async def failed(self) -> None:
+        """Wait until something was refused for the model's fault, so that it is in the flight."""
+        async with asyncio.timeout(PATIENCE_S):
+            while True:
+                answer = await self.http.get("/missions/m1/decisions?limit=500")
+                cards = answer.raise_for_status().json()["decisions"]
+                if any(card["refused_by"] in FAULTS for card in cards):
+                    return
+                await asyncio.sleep(0.2)
+
+    async def flown(self, ticks: int) -> None:
+        """Wait until so many ticks have been flown: of fewer a proof says little."""
+        async with asyncio.timeout(PATIENCE_S):
+            while True:
+                snapshot = await self.snapshot()
+                if snapshot is not None and snapshot["tick"] >= ticks:
+                    return
+                await asyncio.sleep(0.2)
+
     async def snapshot(self) -> dict[str, Any] | None:
         """Return the newest snapshot, None before the first."""
         answer = await self.http.get("/missions/m1/snapshot")
@@ -134,7 +156,9 @@ class Ordeal:
     def steps(self, seconds: float, ways: tuple[Mode, ...]) -> list[Step]:
         """Return what happens in a flight of so many seconds, in order."""
         share = seconds / len(ways)
-        found = [Step(i * share, partial(self.behave, mode)) for i, mode in enumerate(ways)]
+        wrong = next(i for i, mode in enumerate(ways) if mode is not Mode.SOUND)
+        found = [Step((wrong + 1) * share, self.failed)]
+        found += [Step(i * share, partial(self.behave, mode)) for i, mode in enumerate(ways)]
         said = max(2, round(seconds / COMMENT_EVERY_S))
         for number in range(said):
             text = COMMENTS[number % len(COMMENTS)]
@@ -203,7 +227,8 @@ async def fly(folder: Path, seconds: float, ways: tuple[Mode, ...] = WAYS) -> Pa
     async with ordeal(folder) as made:
         began_s = monotonic()
         with progress_bar("seconds flown", round(seconds)) as show:
-            for step in [*made.steps(seconds, ways), Step(seconds, made.mourn)]:
+            ending = [Step(seconds, made.mourn), Step(seconds, partial(made.flown, LEAST_TICKS))]
+            for step in [*made.steps(seconds, ways), *ending]:
                 while (flown_s := monotonic() - began_s) < step.at_s:
                     await asyncio.sleep(min(1.0, step.at_s - flown_s))
                     show(round(monotonic() - began_s))

@@ -47,6 +47,9 @@ FLYING_M_S = 0.1
 OPEN_S = 180.0
 """A first start compiles the optimizer's kernels."""
 
+PATIENCE_S = 60.0
+"""How long the team may take to fly, and then to turn as often as asked for."""
+
 
 def scenario(robots: int) -> dict[str, object]:
     """Return robots far apart, each with a target of its own."""
@@ -149,8 +152,15 @@ async def serving(endpoint: str, robots: int) -> AsyncIterator[None]:
             await process.wait()
 
 
-async def measure(robots: int, seconds: float, seed: int) -> list[float]:
-    """Return the times of all changes of side, seconds."""
+async def measure(robots: int, seconds: float, seed: int, least: int = 1) -> list[float]:
+    """Return the times of all changes of side, seconds.
+
+    Args:
+        robots: How many.
+        seconds: How long it is measured, ...
+        seed: Of the moments of change.
+        least: ... or longer, until there are so many changes.
+    """
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         endpoint = f"tcp/127.0.0.1:{free.getsockname()[1]}"
@@ -166,12 +176,15 @@ async def measure(robots: int, seconds: float, seed: int) -> list[float]:
         ]
         living = [asyncio.create_task(robot.live()) for robot in team]
         try:
-            async with asyncio.timeout(60.0):
+            async with asyncio.timeout(PATIENCE_S):
                 while not all(robot.latencies_s for robot in team):  # noqa: ASYNC110
                     await asyncio.sleep(0.1)
             for robot in team:
                 robot.latencies_s.clear()
             await asyncio.sleep(seconds)
+            async with asyncio.timeout(PATIENCE_S):
+                while sum(len(robot.latencies_s) for robot in team) < least:  # noqa: ASYNC110
+                    await asyncio.sleep(0.1)
         finally:
             for task in living:
                 task.cancel()

@@ -11,6 +11,7 @@ from typing import Any, Final
 import numpy as np
 
 from benchmarks.crowd.clients import (
+    OPEN_S,
     Received,
     Stalled,
     read_stream,
@@ -127,6 +128,11 @@ class _Guests:
     scenes: list[Received] = field(default_factory=list)
     stalled: dict[str, Stalled] = field(default_factory=dict)
 
+    def all_served(self) -> bool:
+        """Tell whether everybody has got something, or is gone."""
+        everybody = (*self.streams, *self.consoles, *self.scenes)
+        return all(got.messages or got.ended for got in everybody)
+
     def forget(self) -> None:
         """Count from now on."""
         for got in (*self.streams, *self.consoles, *self.scenes):
@@ -187,6 +193,9 @@ async def _guests(server: Server, crowd: Crowd) -> AsyncIterator[_Guests]:
                 await come(guests.consoles, lambda got: show_console(server.http, HEADERS, got))
             for _ in range(crowd.scenes):
                 await come(guests.scenes, lambda got: show_scene(scene, HEADERS, got))
+            async with asyncio.timeout(OPEN_S):
+                while not guests.all_served():  # noqa: ASYNC110
+                    await asyncio.sleep(APART_S)
             yield guests
         finally:
             for task in tasks:

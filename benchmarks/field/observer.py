@@ -13,8 +13,7 @@ import math
 import sys
 from time import monotonic
 
-from benchmarks.mixed import Watch
-from vehicles.inbox import Inbox
+from benchmarks.mixed import Watch, counting_inbox
 from vehicles.keys import TeamKeys, Topic
 from vehicles.zenoh_bus import ZenohBus
 from vehicles.zenoh_settings import ZenohSettings
@@ -27,7 +26,7 @@ async def observe(endpoint: str, team: str) -> None:
     keys = TeamKeys(team)
     settings = ZenohSettings(connect=(endpoint,), open_timeout_s=60.0)
     async with ZenohBus(settings, keys.delivery) as bus:
-        watch = Watch(Inbox(keys.delivery))
+        watch = Watch(counting_inbox(keys))
         for topic in (Topic.STATE, Topic.HEALTH, Topic.EVENTS, Topic.SETPOINT):
             await bus.subscribe(keys.robot(None, topic), watch.inbox)
         while True:

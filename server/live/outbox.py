@@ -66,7 +66,8 @@ class Outbox:
         if self._closed is not None:
             return False
         if frame.is_state:
-            self.replaced += frame.kind in self._states
+            self.replaced += self._states.pop(frame.kind, None) is not None
+            # Behind what was told before it: a checkpoint is kept before what it holds is shown.
             self._states[frame.kind] = frame
         elif len(self._events) >= self.max_events:
             return False

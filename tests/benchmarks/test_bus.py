@@ -15,6 +15,13 @@ from vehicles.inbox import Sample
 from vehicles.keys import Topic
 
 
+def said(seq: int) -> wire.State:
+    """Return what robot 3 says at one moment."""
+    state = RobotState(3, (0.0, 0.0), (0.0, 0.0), 1.0, sensing_failed=False)
+    header = {"v": 1, "boot": "b", "seq": seq, "stamp_s": 0.0}
+    return translation.state_message(header, state, wire.Mode.FLYING)
+
+
 def test_missing_messages_are_told_from_overtaken_ones() -> None:
     found = figures("state", [0.001, 0.003, 0.002], due=10, conflated=4)
     assert (found.arrived, found.overtaken, found.lost) == (3, 4, 3)
@@ -28,15 +35,23 @@ def test_missing_messages_are_told_from_overtaken_ones() -> None:
 async def test_a_message_out_of_order_is_noticed() -> None:
     counted, key = Counted(decoded), bus.KEYS.robot(3, Topic.STATE)
     counted.attach()
-    state = RobotState(3, (0.0, 0.0), (0.0, 0.0), 1.0, sensing_failed=False)
     for seq in (4, 6, 5):
-        header = {"v": 1, "boot": "b", "seq": seq, "stamp_s": 0.0}
-        said = translation.state_message(header, state, wire.Mode.FLYING)
-        counted.offer(Sample(key, wire.encode(said)))
+        counted.offer(Sample(key, wire.encode(said(seq))))
         await asyncio.sleep(0)
     assert counted.tally.disordered == 1
     assert counted.tally.due({key: 7}) == 3
     assert counted.overtaken == 0
+
+
+@pytest.mark.asyncio
+async def test_a_first_message_that_is_replaced_before_it_is_read_counts() -> None:
+    counted, key = Counted(decoded), bus.KEYS.robot(3, Topic.STATE)
+    counted.attach()
+    for seq in range(3):
+        counted.offer(Sample(key, wire.encode(said(seq))))
+    await counted.until_last({key: 3})
+    assert counted.tally.due({key: 3}) == 3
+    assert counted.overtaken == 2
 
 
 @pytest.mark.process
@@ -54,7 +69,7 @@ async def test_nothing_is_lost_between_processes() -> None:
 @pytest.mark.asyncio
 async def test_a_detection_turns_its_robot() -> None:
     """How soon is for the benchmark to say: a machine that tests is busy."""
-    latencies_s = await reaction.measure(robots=2, seconds=3.0, seed=1)
+    latencies_s = await reaction.measure(robots=2, seconds=3.0, seed=1, least=3)
     assert len(latencies_s) >= 3
     assert np.isfinite(latencies_s).all()
     assert np.min(latencies_s) > 0.0

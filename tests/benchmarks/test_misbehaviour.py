@@ -12,7 +12,7 @@ from llm.mock.behaviours import Mode
 from server.scenarios import library
 from server.settings import Settings
 
-LONGEST_S = 25.0
+LONGEST_S = 60.0
 """After so long a way counts as not noticed."""
 
 QUIET_S = 3.0

@@ -5,6 +5,7 @@ from typing import Any
 import pytest
 
 from benchmarks.mixed import broken, measure
+from tests.patience import busy
 
 FINE: dict[str, Any] = {
     "ticks": 100,
@@ -19,13 +20,20 @@ FINE: dict[str, Any] = {
 @pytest.mark.process
 @pytest.mark.asyncio
 async def test_a_mixed_team_tracks_its_targets() -> None:
+    load = busy()
     figures = await measure(10.0, "none")
+    load = max(load, busy())
     missed, ticks = figures.pop("missed_ticks"), figures["ticks"]
-    assert ticks + missed >= 95
-    assert missed <= 0.2 * ticks, "a busy machine may miss some"
+    assert ticks + missed == pytest.approx(figures["mission_s"] / 0.1, abs=0.5), "none unaccounted"
+    assert figures["mission_s"] > 5.0
+    assert missed <= 0.2 * load * ticks, "a busy machine may miss some"
     assert broken({**figures, "missed_ticks": 0}) == []
     assert set(figures["setpoints"]) == {21, 22, 23, 24}
-    assert min(figures["setpoints"].values()) >= 0.9 * ticks
+    reached = {
+        robot: n for robot, n in figures["setpoints"].items() if robot not in figures["cut_off"]
+    }
+    assert len(reached) >= 3, "one zone jams, and one robot is near it"
+    assert min(reached.values()) >= 0.9 * ticks
     assert min(counts[0] for counts in figures["autopilots"].values()) >= 0.7 * (ticks + missed)
     assert figures["mean_error_m"] < 0.5
     for modes in figures["modes"].values():

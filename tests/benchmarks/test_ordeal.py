@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from benchmarks.ordeal import CUTS, broken, measure
+from benchmarks.ordeal import CUTS, LEAST_TICKS, broken, measure
 from llm.mock.behaviours import Mode
 
 FINE: dict[str, Any] = {
@@ -25,7 +25,7 @@ async def test_a_disturbed_live_mission_replays_bit_for_bit(tmp_path: Path) -> N
     figures["flight"]["attacks"] = figures["flight"]["attacks"] or "in so short a flight, chance"
     assert broken(figures) == []
     assert figures["flight"]["lost_robots"] == [21]
-    assert figures["verification"]["ticks"] >= 60
+    assert figures["verification"]["ticks"] >= LEAST_TICKS
     assert figures["cuts"]["opened"] > 0
 
 

@@ -14,7 +14,9 @@ from playwright.async_api import Page, async_playwright
 
 from tests.chaos.journals import Database, asked
 from tests.chaos.watch import Findings, Invariant
+from tests.patience import PATIENCE_S
 
+AGAIN_S = 0.2
 COMMENT_S = 1.5
 STEER_S = 1.0
 PAGE_LIMIT = 1000
@@ -61,8 +63,7 @@ class Commenter:
         """Ask the server for every comment and look for what it has acknowledged."""
         wanted = dict(self.acknowledged)
         async with api(self.address, self.headers) as http:
-            answer = await http.get(f"/missions/m1/comments?limit={PAGE_LIMIT}")
-            said = answer.raise_for_status().json()
+            said = (await asked_of(http, f"/missions/m1/comments?limit={PAGE_LIMIT}")).json()
         known = {comment["id"]: comment["text"] for comment in said}
         self._missing(wanted, known, "the server")
 
@@ -173,6 +174,18 @@ class Browser:
         for close in reversed(self._close):
             with suppress(BrowserError):
                 await close()
+
+
+async def asked_of(http: httpx.AsyncClient, path: str) -> httpx.Response:
+    """Ask until there is an answer: who has just started, or has much to do, gives it later.
+
+    Raises TimeoutError.
+    """
+    async with asyncio.timeout(PATIENCE_S):
+        while True:
+            with suppress(httpx.HTTPError):
+                return (await http.get(path)).raise_for_status()
+            await asyncio.sleep(AGAIN_S)
 
 
 def api(address: str, headers: dict[str, str]) -> httpx.AsyncClient:

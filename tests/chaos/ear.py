@@ -13,6 +13,7 @@ from websockets.asyncio.client import connect
 from websockets.exceptions import WebSocketException
 
 from benchmarks.live import beyond, uncovered
+from tests.chaos.clients import asked_of
 from tests.chaos.watch import Findings, Invariant
 from tests.patience import busy
 
@@ -26,6 +27,9 @@ REPORT_S = 45.0
 
 COVERED_S = 2.0
 """Within so much mission time every target has a robot again."""
+
+UNSEEN_S = 1.0
+"""Of what a mission was for longer between two snapshots nobody knows."""
 
 KEPT = 5000
 
@@ -64,10 +68,11 @@ class Ear:
     patience_s: float | None = None
     """How long a report is waited for; None as long as it may take here."""
 
-    _bare_s: float = 0.0
-    """Mission time up to which every target had a robot."""
+    _bare_s: float | None = None
+    """Mission time from which every snapshot showed targets without a robot."""
 
-    _alarms: dict[str, tuple[int, bool]] = field(default_factory=dict)
+    _alarms: dict[str, tuple[int, bool, float]] = field(default_factory=dict)
+    """By id: how often each was raised, whether it stands, and when it was raised last."""
 
     @property
     def state(self) -> str:
@@ -104,7 +109,7 @@ class Ear:
     async def dropped(self) -> float:
         """Return how many messages the server says it has refused or dropped."""
         async with self.client("") as http:
-            text = (await http.get("/metrics")).raise_for_status().text
+            text = (await asked_of(http, "/metrics")).text
         lines = [line for line in text.splitlines() if line.startswith("falconer_dropped_total")]
         return sum(float(line.split()[-1]) for line in lines)
 
@@ -136,17 +141,19 @@ class Ear:
                 Told(now_s, said["kind"], said["severity"], said["text"], said.get("data") or {})
             )
             return
-        self.snapshot, self.heard_s = said, now_s
+        before, self.snapshot, self.heard_s = self.snapshot, said, now_s
         self.snapshots += 1
         self.findings.looked(Invariant.BOUNDS)
         for wrong in beyond(said):
             self.findings.broken(Invariant.BOUNDS, wrong, f"tick {said['tick']}: {wrong}")
-        self._look_for_cover(said)
+        self._look_for_cover(said, before.get("time_s", 0.0))
 
-    def _look_for_cover(self, said: dict[str, Any]) -> None:
+    def _look_for_cover(self, said: dict[str, Any], before_s: float) -> None:
         """Every target has a robot, but for the moment after lost ones came back."""
         bare, time_s = uncovered(said), said["time_s"]
-        if not bare or said["state"] != "running" or time_s < self._bare_s:
+        if not bare or said["state"] != "running":
+            self._bare_s = None
+        elif self._bare_s is None or not 0.0 <= time_s - before_s <= UNSEEN_S:
             self._bare_s = time_s
         elif time_s - self._bare_s > COVERED_S:
             words = f"targets without a robot for {time_s - self._bare_s:.1f} s: {bare}"
@@ -155,7 +162,7 @@ class Ear:
     def _compare(self, alarms: list[dict[str, Any]]) -> None:
         """Take note of alarms that were raised, raised again, or are over."""
         for alarm in alarms:
-            stands = (alarm["count"], alarm["active"])
+            stands = (alarm["count"], alarm["active"], alarm["last_s"])
             if self._alarms.get(alarm["id"]) != stands:
                 self._alarms[alarm["id"]] = stands
                 severity = alarm["severity"] if alarm["active"] else "info"

@@ -49,10 +49,11 @@ async def silence(team: Team, since_s: float, seconds: float, *, dead: bool) -> 
         late_s = 0.15 * busy()
         while monotonic() < since_s + max(seconds, HOLD_S + late_s + 1.0):
             for robot, link in team.links.items():
-                if robot in team.watch.away:
+                if robot in team.watch.away or team.watch.jammed(robot):
                     continue
                 team.findings.looked(Invariant.HOLD)
-                moving = [s for _, s in link.since(since_s + HOLD_S + late_s) if s > 0.0]
+                from_s = team.watch.left_alone_s(robot, since_s) + HOLD_S + late_s
+                moving = [speed for _, speed in link.since(from_s) if speed > 0.0]
                 if moving:
                     words = f"autopilot {robot} is told to fly {moving[0]:.2f} m/s in the silence"
                     team.findings.broken(Invariant.HOLD, f"autopilot {robot}", words)

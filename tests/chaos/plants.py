@@ -12,6 +12,7 @@ import signal
 from collections.abc import Awaitable, Callable, Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass
+from itertools import combinations
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import monotonic
@@ -20,7 +21,7 @@ from typing import Any
 from tests.chaos.ear import Unreported, alarmed, linked
 from tests.chaos.journals import asked, doctor
 from tests.chaos.processes import killed, lives, stopped
-from tests.chaos.team import APART, ROBOTS, Team, team
+from tests.chaos.team import APART, OUTSIDE, ROBOTS, Team, team
 from tests.chaos.watch import Invariant
 from tests.faults.links import until
 from tests.patience import HOLD_S, busy
@@ -32,6 +33,11 @@ CATCH_S = 10.0
 
 PERIOD_S = 0.1
 MEETING_S = 30.0
+"""Beyond the time that two robots need to meet."""
+
+CLOSING_M_S = 0.5
+"""Of each of them."""
+
 SUPPRESSED_S = 10.0
 Velocities = Mapping[int, tuple[float, float]]
 
@@ -145,14 +151,27 @@ async def collision(made: Team) -> None:
     pid, ghost = made.planner, Ghost(made, "collision")
     await stopped(pid)
     try:
-        until_s = monotonic() + MEETING_S * busy()
+        pair, apart_m = nearest(made)
+        until_s = monotonic() + (MEETING_S + 0.5 * apart_m / CLOSING_M_S) * busy()
         while monotonic() < until_s and not seen(made, Invariant.SEPARATION):
-            one, other = (made.watch.states[robot].position for robot in (23, 24))
+            one, other = (made.watch.states[robot].position for robot in pair)
             apart_m = max(math.dist(one, other), 0.01)
-            east, north = ((b - a) / apart_m * 0.5 for a, b in zip(one, other, strict=True))
-            await ghost.fly({23: (east, north), 24: (-east, -north)})
+            east, north = (CLOSING_M_S * (b - a) / apart_m for a, b in zip(one, other, strict=True))
+            await ghost.fly(dict(zip(pair, ((east, north), (-east, -north)), strict=True)))
     finally:
         os.kill(pid, signal.SIGCONT)
+
+
+def nearest(made: Team) -> tuple[tuple[int, int], float]:
+    """Return which two robots of the world's own are nearest, and how far apart: who follows which
+    targets is the models' choice."""
+    states, watch = made.watch.states, made.watch
+    inside = [robot for robot in ROBOTS if robot not in OUTSIDE and not watch.jammed(robot)]
+    far_m = {
+        pair: math.dist(*(states[robot].position for robot in pair))
+        for pair in combinations(inside, 2)
+    }
+    return min(far_m.items(), key=lambda one: one[1])
 
 
 async def mad_directive(made: Team) -> None:

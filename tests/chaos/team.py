@@ -28,7 +28,7 @@ from tests.chaos.processes import planner_of
 from tests.chaos.watch import Findings, Watch
 from tests.faults.clock import set_clock
 from tests.faults.links import BusLink, MavlinkLink, until
-from tests.patience import busy
+from tests.patience import PATIENCE_S, busy
 from vehicles import messages as wire
 from vehicles.keys import Topic
 from vehicles.zenoh_bus import ZenohBus
@@ -161,8 +161,10 @@ class Team:
         name = f"vehicle {robot}"
         self.running[name] = await self.launch_vehicle(robot)
         if before is not None:
-            await self.until_gone(
-                lambda: self.watch.states[robot].boot != before.boot, f"robot {robot} speaks again"
+            await until(
+                lambda: self.watch.states[robot].boot != before.boot,
+                START_S,
+                f"robot {robot} speaks again",
             )
 
     async def launch_vehicle(self, robot: int) -> Running:
@@ -252,7 +254,7 @@ class Team:
 
     async def until_gone(self, condition: Callable[[], object], what: str) -> None:
         """Wait for something that may take a while on a busy machine."""
-        await until(condition, 20.0 * busy(), what)
+        await until(condition, PATIENCE_S, what)
 
     def told(self) -> str:
         """Return what is known, for people who look for the cause."""

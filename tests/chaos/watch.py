@@ -32,6 +32,8 @@ HEARD_S = 1.0
 """A robot that has said nothing for longer is not connected."""
 
 SETPOINT_LIFE_S = 0.5
+PART_S = 10.0
+"""Two robots that come into each other's reach too close are apart after so much common flight."""
 
 
 class Invariant(StrEnum):
@@ -112,6 +114,9 @@ class Watch:
         self.inbox = Inbox(self.keys.delivery)
         self.states: dict[int, wire.State] = {}
         self.truth: wire.Truth | None = None
+        self.jammed_s: dict[int, float] = {}
+        """When the world last jammed a robot, by the world's clock."""
+
         self.notices: list[tuple[float, int, wire.NoticePart]] = []
         self.modes: list[tuple[float, int, wire.ModePart]] = []
         self.setpoints = 0
@@ -132,6 +137,10 @@ class Watch:
         """Setpoints keep the least distance; two robots may fly them on until they expire."""
 
         self._silence: Silence | None = None
+        self._connected: frozenset[int] = frozenset()
+        self._joining: dict[tuple[int, int], float] = {}
+        """Pairs that were too close when they came into each other's reach, and for how long both
+        have flown since, seconds."""
 
     async def listen(self) -> None:
         """Listen for ever."""
@@ -169,12 +178,19 @@ class Watch:
         state = self.states.get(robot_id)
         return state is not None and monotonic() - state.stamp_s < HEARD_S
 
+    def left_alone_s(self, robot_id: int, since_s: float) -> float:
+        """Return since when a robot is to hold in a silence: while jammed it flies by itself."""
+        return max(since_s, self.jammed_s.get(robot_id, since_s))
+
     # ------------------------------------------------------------------ what is heard
 
     def _take(self, sample: Sample) -> None:
         if sample.key == self.keys.truth:
-            self.truth = wire.decode(wire.Truth, sample.payload)
-            self._judge_distances(self.truth)
+            before, self.truth = self.truth, wire.decode(wire.Truth, sample.payload)
+            jammed = (robot.id for robot in self.truth.robots if robot.jammed)
+            self.jammed_s |= dict.fromkeys(jammed, self.truth.stamp_s)
+            passed_s = 0.0 if before is None else self.truth.stamp_s - before.stamp_s
+            self._judge_distances(self.truth, min(passed_s, HEARD_S))
             return
         address = self.keys.parse(sample.key)
         if address is None or address.robot_id is None:
@@ -238,7 +254,7 @@ class Watch:
         silence = self._silence
         if silence is None or state.robot_id not in silence.robots or self.jammed(state.robot_id):
             return
-        after_s = state.stamp_s - silence.since_s
+        after_s = state.stamp_s - self.left_alone_s(state.robot_id, silence.since_s)
         moves = state.mode in (wire.Mode.FLYING, wire.Mode.ONBOARD)
         if moves and after_s > 0.0:
             self.held_s.append(after_s)
@@ -269,16 +285,31 @@ class Watch:
             words = f"robot {state.robot_id} flies {math.hypot(*state.velocity):.2f} m/s"
             self.findings.broken(Invariant.LIMITS, f"speed {state.robot_id}", words)
 
-    def _judge_distances(self, truth: wire.Truth) -> None:
+    def _judge_distances(self, truth: wire.Truth, passed_s: float) -> None:
+        """Two robots in reach keep apart; those that were near each other when one came back part.
+
+        Nobody keeps clear for long of a robot that is out of reach (`server.mission.team`).
+        """
         connected = [
             robot
             for robot in truth.robots
             if not robot.jammed and robot.id not in self.away and self.heard(robot.id)
         ]
+        before, self._connected = self._connected, frozenset(robot.id for robot in connected)
+        joining, self._joining = self._joining, {}
         for one, other in combinations(connected, 2):
             self.findings.looked(Invariant.SEPARATION)
-            apart_m = math.dist(one.position, other.position)
+            pair, apart_m = (one.id, other.id), math.dist(one.position, other.position)
+            if apart_m < self.least_m and (pair in joining or not before.issuperset(pair)):
+                flown_s = joining.get(pair, 0.0) + passed_s * all(map(self._follows, pair))
+                if flown_s <= PART_S:
+                    self._joining[pair] = flown_s
+                    continue
             self.nearest_m = min(self.nearest_m, apart_m)
             if apart_m < self.least_m:
                 words = f"robots {one.id} and {other.id} are {apart_m:.2f} m apart"
                 self.findings.broken(Invariant.SEPARATION, f"{one.id}-{other.id}", words)
+
+    def _follows(self, robot_id: int) -> bool:
+        """Tell whether a robot said last that it follows setpoints."""
+        return self.states[robot_id].mode is wire.Mode.FLYING

@@ -28,7 +28,7 @@ class Heard:
     """North and east of the autopilot's origin."""
 
     setpoints: list[tuple[float, float]] = field(default_factory=list)
-    """When each setpoint passed and how fast it was to be flown."""
+    """When each setpoint was sent and how fast it was to be flown."""
 
 
 class MavlinkLink:
@@ -49,6 +49,9 @@ class MavlinkLink:
         self._reader = mavlink.MAVLink(None)
         self._reader.robust_parsing = True
         self._bridge: Address | None = None
+        self._offset_s = math.inf
+        """Between our clock and that of the bridge, which counts from its start; the quickest way
+        so far is taken for none."""
 
     async def __aenter__(self) -> "MavlinkLink":
         here = Endpoint(Side.IN, "127.0.0.1", 0)
@@ -79,11 +82,12 @@ class MavlinkLink:
         )
 
     def since(self, at_s: float) -> list[tuple[float, float]]:
-        """Return the setpoints that passed after a moment."""
+        """Return the setpoints that were sent after a moment, however late they passed."""
         return [one for one in self.heard.setpoints if one[0] > at_s]
 
     def _from_bridge(self, datagram: bytes, address: Address) -> None:
-        self._bridge = address
+        if address != self._bridge:
+            self._bridge, self._offset_s = address, math.inf
         self._listen(datagram)
         if self._dice.random() >= self.loss:
             self._back.send(datagram, self._autopilot)
@@ -103,7 +107,9 @@ class MavlinkLink:
                 self.heard.place = (message.x, message.y)
             elif message.get_type() == "SET_POSITION_TARGET_LOCAL_NED":
                 speed_m_s = math.hypot(message.vx, message.vy)
-                self.heard.setpoints.append((monotonic(), speed_m_s))
+                boot_s = 1e-3 * message.time_boot_ms
+                self._offset_s = min(self._offset_s, monotonic() - boot_s)
+                self.heard.setpoints.append((boot_s + self._offset_s, speed_m_s))
                 del self.heard.setpoints[:-2000]
 
 

@@ -21,6 +21,7 @@ from solver.roster import Roster, cover, roster_of
 from solver.sensing import information
 from solver.snapshot import Snapshot
 from solver.zones import Zone, ZoneKind
+from tests.patience import slowness
 from tests.solver.snapshots import (
     blinded,
     directed,
@@ -265,7 +266,7 @@ def test_repair_is_quick_for_large_teams() -> None:
         taken.append(time.thread_time() - began)
     assert {pair.target_id for pair in found} == set(snapshot.tracks.ids)
     assert len(found - snapshot.directives.assignment) == 4
-    assert min(taken) < 0.010
+    assert min(taken) < 0.010 * slowness()
 
 
 @pytest.mark.parametrize("capacity", [2, 3])

@@ -15,6 +15,7 @@ from solver.observations import Link
 from solver.problem import SensorModel
 from solver.roster import cover, least_price_cover, roster_of
 from solver.snapshot import Snapshot
+from tests.patience import slowness
 from tests.solver.snapshots import blinded, directed, dropped, pin, random_snapshot, with_links
 
 LINKS = (Link.CONNECTED, Link.CONNECTED, Link.JAMMED, Link.LOST)
@@ -121,4 +122,4 @@ def test_repair_is_quick_for_large_teams_however_much_people_asked_for() -> None
         taken.append(time.thread_time() - began)
     assert {one.pair for one in pins} <= found
     assert {pair.target_id for pair in found} == set(snapshot.tracks.ids)
-    assert min(taken) < 0.010
+    assert min(taken) < 0.010 * slowness()

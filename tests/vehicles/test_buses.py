@@ -72,7 +72,10 @@ async def test_a_closed_subscription_hears_nothing_more(pair: Pair) -> None:
         subscription = await one.subscribe(key, closed.inbox)
         await one.subscribe(key, open_.inbox)
         await reaches(two, open_, key)
-        await until(lambda: closed.take())
+        # Nothing is under way any more when it is closed.
+        two.publish(key, b"last")
+        await until(lambda: open_.take()[-1].payload == b"last")
+        await until(lambda: closed.take()[-1].payload == b"last")
         await subscription.close()
         await subscription.close()
         heard = len(closed.take())

@@ -43,8 +43,10 @@ async def test_the_agent_in_thirty_lines_flies_and_stops(tmp_path: Path) -> None
         mission = Mission(bus, "p1")
         try:
             async with mission.link, asyncio.timeout(PATIENCE_S):
+                # It stands still while nobody sends it anything.
                 while mission.speeds().get(21) != 0.0:
-                    await mission.tick()
+                    mission.observed.extend(mission.link.drain(0.0))
+                    await asyncio.sleep(0.02)
                 while mission.speeds().get(21) != 0.5:
                     mission.link.send_setpoints(
                         (Setpoint(21, (0.0, 0.5), (0.0, 0.0), 1.0, 0.3),), "m1"

@@ -125,13 +125,13 @@ async def test_an_endpoint_open_to_other_machines_is_warned_of(
         ("quic/127.0.0.1:7447", Knock.UNKNOWN),
         ("tcp/127.0.0.1:99999", Knock.UNKNOWN),
         ("nonsense", Knock.UNKNOWN),
-        (f"tcp/127.0.0.1:{free_port()}", Knock.SILENT),
-        (f"tls/[::1]:{free_port()}", Knock.SILENT),
+        ("tcp/127.0.0.1:{free}", Knock.SILENT),
+        ("tls/[::1]:{free}", Knock.SILENT),
     ],
 )
 @pytest.mark.asyncio
 async def test_knocking(endpoint: str, expected: Knock) -> None:
-    assert await knock(endpoint) is expected
+    assert await knock(endpoint.format(free=free_port())) is expected
 
 
 @pytest.mark.asyncio

@@ -177,6 +177,7 @@ def served(behaviour: Behaviour) -> Iterator[str]:
         thread.join(10.0)
 
 
+@pytest.mark.sockets
 @pytest.mark.asyncio
 async def test_over_tcp_it_is_the_same_model() -> None:
     request = task_request(VIEW)
@@ -189,6 +190,7 @@ async def test_over_tcp_it_is_the_same_model() -> None:
     assert {int(k): tuple(v) for k, v in rows.items()} == dict(outcome.proposal.assignment or ())
 
 
+@pytest.mark.sockets
 @pytest.mark.asyncio
 async def test_over_tcp_a_stalled_body_meets_the_time_out() -> None:
     with served(Behaviour(Mode.STALL, delay_s=0.6)) as url:

@@ -39,6 +39,15 @@ async def test_events_are_kept_in_order_before_the_snapshot() -> None:
 
 
 @pytest.mark.asyncio
+async def test_what_was_kept_is_told_before_the_snapshot_that_shows_it() -> None:
+    """Also to a reader who is behind: a client must not see what a crash would take back."""
+    outbox = Outbox()
+    for said in (snapshot(1), frame({"type": "checkpoint", "tick": 2}), snapshot(2)):
+        outbox.put(said)
+    assert [m["type"] for m in await drained(outbox)] == ["checkpoint", "snapshot"]
+
+
+@pytest.mark.asyncio
 async def test_an_event_beyond_the_bound_finds_no_room() -> None:
     outbox = Outbox(max_events=2)
     assert [outbox.put(event(seq)) for seq in range(3)] == [True, True, False]

@@ -225,11 +225,17 @@ def test_without_time_it_answers_with_the_last_plan_moved_into_the_box() -> None
 def test_the_deadline_holds_in_the_middle_of_a_large_team() -> None:
     problem = random_problem(1, 200, 400, 5, 10, room=40.0)
     patient = FAST.solve(problem, Budget())
-    hasty = FAST.solve(problem, Budget(deadline_s=0.2 * patient.solve_s))
-    assert 0 < hasty.iterations < patient.iterations, "stopped by the clock, in the middle"
-    assert hasty.rung is Rung.FEASIBLE
-    assert not faults(problem, hasty)
-    assert patient.objective < hasty.objective
+    stopped = 0
+    for _ in range(20):
+        hasty = FAST.solve(problem, Budget(deadline_s=0.2 * patient.solve_s))
+        assert hasty.iterations < patient.iterations, "stopped by the clock"
+        assert hasty.rung is Rung.FEASIBLE
+        assert not faults(problem, hasty)
+        assert patient.objective < hasty.objective
+        stopped = hasty.iterations
+        if stopped > 0:  # else others had the processor until then
+            break
+    assert stopped > 0, "in the middle"
 
 
 def test_a_horizon_without_room_is_refused() -> None:

@@ -19,6 +19,8 @@ from vehicles.mavlink.simulator import flying
 from vehicles.mavlink.udp import EndpointError, parse_endpoint
 from vehicles.messages import Mode
 
+pytestmark = pytest.mark.sockets
+
 
 def vehicle(autopilot: Autopilot) -> SimulatedAutopilot:
     flight = FlightSettings(dialect=dialect_of(autopilot), start=Start.AIRBORNE)

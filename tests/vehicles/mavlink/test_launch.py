@@ -40,6 +40,8 @@ from vehicles.simulation import Simulation
 from vehicles.world.setup import WorldTarget
 from vehicles.world_link import WorldLink
 
+pytestmark = pytest.mark.sockets
+
 KEYS = TeamKeys("alpha")
 TEAM = Datum(ORIGIN.latitude_deg, ORIGIN.longitude_deg, ORIGIN.altitude_m)
 
@@ -224,12 +226,14 @@ async def test_a_simulated_world_blinds_and_jams_it_and_it_flies_on_alone_until_
             asyncio.TaskGroup() as tasks,
         ):
             pilot = OnboardPilot(21, Recorder())
-            work = [
-                tasks.create_task(fly(body, AgentSettings(), bus, KEYS, pilot, link)),
-                tasks.create_task(world.run()),
-            ]
+            work = [tasks.create_task(fly(body, AgentSettings(), bus, KEYS, pilot, link))]
             returned: list[wire.ReturnPart] = []
             async with asyncio.timeout(PATIENCE_S):
+                # The world jams it at once, and who knows nothing cannot fly on alone.
+                while not pilot.targets:
+                    ground.teach(clock())
+                    await asyncio.sleep(0.02)
+                work.append(tasks.create_task(world.run()))
                 while not returned:
                     ground.hear()
                     ground.speak(clock(), speed_m_s=0.0)
