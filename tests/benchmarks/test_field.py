@@ -129,6 +129,7 @@ def test_a_stream_loses_nothing_but_waits() -> None:
     assert way.lost > 0
 
 
+@pytest.mark.sockets
 @pytest.mark.asyncio
 async def test_a_forwarder_carries_waits_while_cut_and_ends_with_either_end() -> None:
     async def echo(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:

@@ -28,8 +28,9 @@ from tests.patience import HOLD_S, busy
 from vehicles import messages as wire
 from vehicles.keys import Topic
 
-CATCH_S = 10.0
-"""Within so long, on an idle machine, whoever watches has noticed."""
+CATCH_S = 25.0
+"""Within so long, on an idle machine, whoever watches has noticed. A vehicle's first plan of its
+own loads the kernels."""
 
 PERIOD_S = 0.1
 MEETING_S = 30.0

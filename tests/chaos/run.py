@@ -16,7 +16,7 @@ from tests.chaos.repertoire import FAULTS
 from tests.chaos.schedule import Strike, schedule
 from tests.chaos.team import OUTSIDE, Team, team
 from tests.chaos.watch import Invariant, Violation
-from tests.patience import busy
+from tests.patience import PATIENCE_S
 
 FAULT_S = 20.0
 """A fault with its recovery, or the end of a run, takes about so long; none is begun when less is
@@ -130,7 +130,7 @@ async def examine(made: Team, outcome: Outcome) -> None:
     known = len(made.findings.violations)
     await made.commenter.compare()
     assert made.visitor is not None
-    await made.visitor.follows(30.0 * busy())
+    await made.visitor.follows(PATIENCE_S)
     await made.commenter.compare_journal(made.database)
     made.findings.looked(Invariant.CHAIN)
     whole, words = await doctor(made.database)

@@ -156,8 +156,8 @@ class Planner:
         self._host = ProcessHost(environment=self._environment)
         self._run = asyncio.create_task(self._host.run(self._receive))
         params = {"job": dump_job(self._job), "mission": "m1"}
-        await self._host.request("prepare", params, timeout_s=90.0)
-        await self._host.request("start", timeout_s=30.0)
+        await self._host.request("prepare", params, timeout_s=PATIENCE_S)
+        await self._host.request("start", timeout_s=PATIENCE_S)
 
     async def end(self, number: signal.Signals = signal.SIGTERM) -> None:
         """End it by a signal and wait until it is gone."""

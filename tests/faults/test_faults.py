@@ -35,7 +35,7 @@ from tests.faults.rig import (
     in_flight_s,
     team,
 )
-from tests.patience import LOAD_S, PATIENCE_S, busy, patience_s
+from tests.patience import PATIENCE_S, busy, patience_s
 from vehicles import messages as wire
 from vehicles.keys import Topic
 from vehicles.mavlink.dialects import DIALECTS, Autopilot, px4_mode
@@ -381,7 +381,7 @@ async def _all_held(made: Team) -> float:
     """Wait until the whole team stands still and says so; return how long it took."""
     held_s = await made.until_held(STARTED, patience_s())
     native_s = await until(
-        lambda: made.witness.speed_m_s(NATIVE) == 0.0, LOAD_S * busy(), "robot 23 holds"
+        lambda: made.witness.speed_m_s(NATIVE) == 0.0, patience_s(), "robot 23 holds"
     )
     said_s = await until(
         lambda: all(made.witness.mode(i) is wire.Mode.HOLDING for i in FLYING),

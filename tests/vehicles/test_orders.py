@@ -4,6 +4,7 @@ import asyncio
 
 import pytest
 
+from tests.patience import PATIENCE_S
 from tests.vehicles.buses import KEYS, LOOPBACK, Reader, until
 from vehicles import messages as wire
 from vehicles import translation
@@ -17,14 +18,14 @@ ROUTER = ZenohSettings(mode=ZenohMode.ROUTER, listen=(LOOPBACK,))
 pytestmark = [pytest.mark.asyncio, pytest.mark.sockets]
 
 
-async def answered(codes: tuple[str, ...]) -> str:
+async def answered(codes: tuple[str, ...], patience_s: float = PATIENCE_S) -> str:
     """Give robot 7 an order; it answers with these codes, the first for somebody else's order."""
     heard = Reader()
     async with ZenohBus(ROUTER, KEYS.delivery) as robot:
         await robot.announce(KEYS.alive(7))
         await robot.subscribe(KEYS.robot(7, Topic.COMMAND), heard.inbox)
         client = ZenohSettings(connect=robot.endpoints)
-        asking = asyncio.create_task(give(client, "red", 7, wire.Order.LAND, 2.0))
+        asking = asyncio.create_task(give(client, "red", 7, wire.Order.LAND, patience_s))
         await until(lambda: heard.take())
         command = wire.decode(wire.Command, heard.take()[0].payload)
         assert (command.robot_id, command.command) == (7, wire.Order.LAND)
@@ -52,7 +53,7 @@ async def test_a_refusal_is_raised_with_its_reason() -> None:
 
 async def test_without_an_answer_it_gives_up() -> None:
     with pytest.raises(OrderUnanswered, match="land is not done after 2 s"):
-        await answered(("done", "battery"))
+        await answered(("done", "battery"), 2.0)
 
 
 async def test_a_robot_that_is_not_there_is_told() -> None:
