@@ -29,11 +29,9 @@ async def test_a_mixed_team_tracks_its_targets() -> None:
     assert missed <= 0.2 * load * ticks, "a busy machine may miss some"
     assert broken({**figures, "missed_ticks": 0}) == []
     assert set(figures["setpoints"]) == {21, 22, 23, 24}
-    reached = {
-        robot: n for robot, n in figures["setpoints"].items() if robot not in figures["cut_off"]
-    }
-    assert len(reached) >= 3, "one zone jams, and one robot is near it"
-    assert min(reached.values()) >= 0.9 * ticks
+    for robot_id, heard in figures["setpoints"].items():
+        assert heard > 0
+        assert heard >= 0.9 * ticks or robot_id in figures["cut_off"], robot_id
     assert min(counts[0] for counts in figures["autopilots"].values()) >= 0.7 * (ticks + missed)
     assert figures["mean_error_m"] < 0.5
     for modes in figures["modes"].values():
