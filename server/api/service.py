@@ -341,7 +341,8 @@ class MissionService:
             self.chronicle.comment_refused(record.id, said["id"], author, error.code)
             raise
         comment = CommentModel.model_validate(answer)
-        record.keep_comment(comment)
+        if comment.id not in record.comments:  # else a later picture has told more of it already
+            record.keep_comment(comment)
         return comment
 
     async def direct(

@@ -1,17 +1,14 @@
 import asyncio
-from collections.abc import AsyncIterator, Callable, Mapping
+from collections.abc import AsyncIterator, Callable
 from typing import Any
 
 import httpx
 import pytest
 import pytest_asyncio
 
-from server.api.catalogue import Definition
 from server.api.models import MAX_COMMENT_CHARACTERS
-from server.encoding import EventKind, MissionState, Severity
 from tests.patience import PATIENCE_S
 from tests.server.api.serving import Stage, client_of
-from tests.server.scripted import ScriptedHost
 
 API = "/api/v1"
 
@@ -340,38 +337,6 @@ async def test_leaving_the_service_ends_every_process(stage: Stage) -> None:
         assert stage.planners[0].state == "running"
     assert stage.planners[0].state == "ended"
     assert stage.worlds[0].state == "ended"
-
-
-class Brief(ScriptedHost):
-    """Flies a mission that is over before its start has been answered."""
-
-    async def request(
-        self, op: str, params: Mapping[str, Any] | None = None, *, timeout_s: float = 5.0
-    ) -> dict[str, Any]:
-        answer = await super().request(op, params, timeout_s=timeout_s)
-        if op == "start":
-            figures = {"scenario": "scripted"}
-            self.event(EventKind.ENDED, Severity.INFO, "Its time is over.", result=figures)
-        return answer
-
-
-class BriefStage(Stage):
-    def planner(self, definition: Definition) -> ScriptedHost:
-        self.planners.append(Brief(definition, period_s=self.period_s))
-        return self.planners[-1]
-
-
-@pytest.mark.asyncio
-async def test_a_mission_that_is_over_before_its_start_is_answered_has_ended() -> None:
-    stage = BriefStage()
-    async with client_of(stage.app(), stage) as client:
-        mission = await created(client)
-        started = await client.post(f"{API}/missions/{mission}/start")
-        assert (started.json()["state"], started.json()["reason"]) == ("ended", "Its time is over.")
-        assert stage.planners[0].state is MissionState.ENDED  # its process is gone
-        result = await client.get(f"{API}/missions/{mission}/result")
-        assert result.json() == {"scenario": "scripted"}
-        assert (await client.delete(f"{API}/missions/{mission}")).status_code == 204
 
 
 @pytest.mark.asyncio
