@@ -11,8 +11,9 @@ import threading
 import time
 import traceback
 from collections.abc import Generator, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
+from multiprocessing import resource_tracker
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -106,7 +107,9 @@ def _performed(trials: list[Trial], workers: Workers) -> Iterator[Outcome]:
         return
     try:
         with _backend(workers, len(trials)) as parallel:
-            yield from parallel(joblib.delayed(perform)(trial) for trial in trials)
+            with nullcontext() if workers.scheduler else _out_of_earshot():
+                begun = parallel(joblib.delayed(perform)(trial) for trial in trials)
+            yield from begun
     except (TerminatedWorkerError, ImportError, OSError, ValueError) as error:
         raise WorkersUnavailable(f"the workers cannot go on: {error}") from error
 
@@ -149,9 +152,24 @@ def _reach(scheduler: str) -> None:
         raise WorkersUnavailable(f"{words}: {error.strerror or error}") from error
 
 
+@contextmanager
+def _out_of_earshot() -> Iterator[None]:
+    """Keep Ctrl-C from processes that are begun meanwhile: they hear it in `_begin_worker`.
+
+    One that was still importing would end with a traceback. We ourselves hear it afterwards.
+    """
+    resource_tracker.ensure_running()  # begun meanwhile, Python's own would lift the mask
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 def _begin_worker() -> None:
     """Leave Ctrl-C to the parent, which ends its workers, and end when the parent is gone."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     threading.Thread(target=_outlive_nobody, args=(os.getppid(),), daemon=True).start()
 
 

@@ -7,11 +7,13 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 
 from server.cli import main
+from tests.patience import PATIENCE_S
 from tests.server.cli.test_run import falconer
 
 TINY = ("experiment", "ablation", "--seeds", "2", "--steps", "4", "--jobs", "1")
@@ -89,22 +91,14 @@ def test_bad_input_is_one_clear_sentence_and_exit_code_2(
 def test_broken_off_it_leaves_what_is_finished_and_no_process(
     tmp_path: Path, end: signal.Signals
 ) -> None:
-    command = [
-        sys.executable, "-m", "server.cli", "experiment", "ablation",
-        "--seeds", "40", "--steps", "20", "--jobs", "2", "--out", str(tmp_path),
-    ]  # fmt: skip
-    environment = {k: v for k, v in os.environ.items() if not k.startswith("FALCONER_")}
-    with subprocess.Popen(
-        command, stderr=subprocess.PIPE, env=environment, start_new_session=True
-    ) as running:
+    with _begun(tmp_path) as running:
         _wait(lambda: len(_runs(tmp_path)) >= 3)
         assert len(_group(running.pid)) >= 3, "the command and its two workers"
         if end is signal.SIGINT:
             os.killpg(running.pid, end)  # as a terminal does: everybody gets it
         else:
             running.kill()
-        told = running.stderr.read().decode() if running.stderr else ""
-        code = running.wait(60)
+        code, told = _ended(running)
     assert code == (130 if end is signal.SIGINT else -signal.SIGKILL)
     assert "Traceback" not in told
     _wait(lambda: not _group(running.pid))
@@ -128,6 +122,47 @@ def test_broken_off_it_leaves_what_is_finished_and_no_process(
     assert kept.items() <= _runs(tmp_path).items()
 
 
+@pytest.mark.process
+@pytest.mark.usefixtures("interruptible")
+def test_broken_off_while_its_workers_begin_it_ends_without_a_word_of_theirs(
+    tmp_path: Path,
+) -> None:
+    """A worker imports for a second, and is no less of the group that gets Ctrl-C."""
+    with _begun(tmp_path) as running:
+        _wait(lambda: any(_imports(pid) for pid in _group(running.pid)), 0.005)
+        os.killpg(running.pid, signal.SIGINT)
+        code, told = _ended(running)
+    assert code == 130
+    assert "Traceback" not in told
+    _wait(lambda: not _group(running.pid))
+
+
+def _begun(folder: Path) -> subprocess.Popen[bytes]:
+    """Begin a long experiment with two workers, in a session of its own."""
+    command = [
+        sys.executable, "-m", "server.cli", "experiment", "ablation",
+        "--seeds", "40", "--steps", "20", "--jobs", "2", "--out", str(folder),
+    ]  # fmt: skip
+    environment = {k: v for k, v in os.environ.items() if not k.startswith("FALCONER_")}
+    return subprocess.Popen(
+        command, stderr=subprocess.PIPE, env=environment, start_new_session=True
+    )
+
+
+def _ended(running: subprocess.Popen[bytes]) -> tuple[int, str]:
+    """Wait for the end; return the exit code, and what the command and its workers have said."""
+    told = running.stderr.read().decode() if running.stderr else ""
+    return running.wait(PATIENCE_S), told
+
+
+def _imports(pid: int) -> bool:
+    """Tell whether a process is a worker that has begun to import what it needs."""
+    with suppress(OSError):  # it may just have ended
+        worker = "loky_posix" in Path(f"/proc/{pid}/cmdline").read_text()
+        return worker and "numpy" in Path(f"/proc/{pid}/maps").read_text()
+    return False
+
+
 def _group(leader: int) -> list[int]:
     """Return the living processes of a session (zombies do not live)."""
     found = []
@@ -142,11 +177,11 @@ def _group(leader: int) -> list[int]:
     return found
 
 
-def _wait(ready: Callable[[], bool], longest_s: float = 100.0) -> None:
-    deadline = time.monotonic() + longest_s
+def _wait(ready: Callable[[], bool], step_s: float = 0.1) -> None:
+    deadline = time.monotonic() + PATIENCE_S
     while not ready():
         assert time.monotonic() < deadline, "it takes too long"
-        time.sleep(0.1)
+        time.sleep(step_s)
 
 
 @pytest.mark.parametrize(
