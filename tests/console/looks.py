@@ -64,8 +64,13 @@ CUT: Final = """
 """Texts that are wider than what shows of them."""
 
 
+STILL: Final = "*, ::before, ::after { transition: none !important; animation: none !important; }"
+"""Whatever changes its colour, or comes and goes, has done so at once."""
+
+
 def faint_texts(page: Page, axe: Axe) -> list[str]:
     """Return the texts of a page whose contrast is below 4.5 to 1 (3 to 1 for large ones)."""
+    page.add_style_tag(content=STILL)
     only = {"runOnly": {"type": "rule", "values": ["color-contrast"]}, "iframes": False}
     answer: dict[str, Any] = axe.run(page, options=only).response
     return [

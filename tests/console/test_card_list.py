@@ -1,14 +1,21 @@
 """The list of decisions in a real headless Chromium."""
 
+from collections.abc import Iterator
 from typing import Any
 
-import httpx
 import pytest
 from playwright.sync_api import expect
 
-from tests.console.visits import Visit, shown
+from tests.console.visits import MISSION, Visit, ask, shown, staged
 
 pytestmark = [pytest.mark.browser, pytest.mark.process]
+
+
+@pytest.fixture
+def address() -> Iterator[str]:
+    """A mission in which nothing has been decided yet."""
+    with staged() as stage:
+        yield stage.address
 
 
 def decide(address: str, *kinds: str) -> None:
@@ -19,7 +26,7 @@ def decide(address: str, *kinds: str) -> None:
     }
     for kind in kinds:
         path, body = asked[kind]
-        httpx.put(f"{address}/api/v1/missions/m1/{path}", json=body).raise_for_status()
+        ask(address, "PUT", f"{MISSION}/{path}", json=body).raise_for_status()
 
 
 def test_what_changed_nothing_is_one_line_between_what_did(console: Visit, address: str) -> None:

@@ -32,7 +32,7 @@ def test_a_new_operator_finds_the_whole_way(chromium: str | None) -> None:
         trouble = listen(page, stage.address)
         for step in Walk(page, stage.address + stage.link).steps():
             done.append(step)
-            if step == "approve":  # drawn by software the scene takes all there is
+            if step == "open":  # drawn by software the scene takes all there is
                 page.evaluate("document.getElementById('scene').style.display = 'none'")
             assert page.evaluate(OVERLAPS) == [], step
             if step in READ:

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 
-import httpx
 import pytest
 from playwright.sync_api import BrowserContext, expect, sync_playwright
 from websockets.exceptions import InvalidStatus
@@ -11,7 +10,7 @@ from websockets.typing import Origin
 
 from tests.console.flow import TIMEOUT_MS
 from tests.console.stage import VIEWER
-from tests.console.visits import Staged, staged
+from tests.console.visits import MISSION, Staged, ask, staged
 
 pytestmark = [pytest.mark.browser, pytest.mark.process]
 
@@ -25,10 +24,18 @@ def console() -> Iterator[Staged]:
 
 
 @pytest.fixture
+def fresh() -> Iterator[Staged]:
+    """A console whose link nobody has used."""
+    with staged("--closed") as stage:
+        yield stage
+
+
+@pytest.fixture
 def context(chromium: str | None) -> Iterator[BrowserContext]:
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=chromium, args=ARGUMENTS)
         context = browser.new_context(viewport={"width": 1440, "height": 900})
+        context.set_default_timeout(TIMEOUT_MS)
         context.route("**/scene/*/", lambda route: route.fulfill(body="", content_type="text/html"))
         yield context
         browser.close()
@@ -36,26 +43,25 @@ def context(chromium: str | None) -> Iterator[BrowserContext]:
 
 def state(console: Staged) -> str:
     headers = {"authorization": f"Bearer {VIEWER.get_secret_value()}"}
-    answer = httpx.get(f"{console.address}/api/v1/missions/m1", headers=headers)
-    found: str = answer.json()["state"]
+    found: str = ask(console.address, "GET", MISSION, headers=headers).json()["state"]
     return found
 
 
 def test_the_link_logs_in_once_and_the_console_steers(
-    console: Staged, context: BrowserContext
+    fresh: Staged, context: BrowserContext
 ) -> None:
     page = context.new_page()
-    page.goto(console.address + console.link, timeout=TIMEOUT_MS)
+    page.goto(fresh.address + fresh.link, timeout=TIMEOUT_MS)
     expect(page.locator("html")).to_have_attribute("data-state", "running", timeout=TIMEOUT_MS)
     page.keyboard.press("Space")
     expect(page.locator("html")).to_have_attribute("data-state", "held", timeout=TIMEOUT_MS)
-    assert state(console) == "held"
+    assert state(fresh) == "held"
     page.reload(timeout=TIMEOUT_MS)  # the session goes on
     expect(page.locator("html")).to_have_attribute("data-state", "held", timeout=TIMEOUT_MS)
     page.keyboard.press("r")
     expect(page.locator("html")).to_have_attribute("data-state", "running", timeout=TIMEOUT_MS)
     context.clear_cookies()
-    again = page.goto(console.address + console.link, timeout=TIMEOUT_MS)
+    again = page.goto(fresh.address + fresh.link, timeout=TIMEOUT_MS)
     assert again is not None
     assert again.status == 401
     expect(page.get_by_role("alert")).to_contain_text("has been used")
@@ -98,4 +104,4 @@ def test_a_socket_of_the_console_needs_a_login(console: Staged, path: str) -> No
 
 @pytest.mark.parametrize("path", ["/", "/scene/", "/console/console.js"])
 def test_a_page_of_the_console_needs_a_login(console: Staged, path: str) -> None:
-    assert httpx.get(console.address + path).status_code == 401
+    assert ask(console.address, "GET", path).status_code == 401

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import httpx
 from playwright.sync_api import Browser, BrowserContext, Page, expect
@@ -15,6 +15,7 @@ from tests.console.flow import TIMEOUT_MS, listen
 from tests.patience import PATIENCE_S
 
 ROOT = Path(__file__).resolve().parents[2]
+MISSION = "/api/v1/missions/m1"
 
 
 @dataclass(frozen=True)
@@ -79,7 +80,12 @@ def window(browser: Browser, address: str, scene: Literal["drawn", "blank"]) -> 
         yield visit(context, address, scene)
     finally:
         context.close()
-        httpx.post(f"{address}/api/v1/missions/m1/resume")
+        ask(address, "POST", f"{MISSION}/resume")
+
+
+def ask(address: str, method: str, path: str, **request: Any) -> httpx.Response:
+    """Ask the console's server something beside the browser; it may be slow while it draws."""
+    return httpx.request(method, address + path, timeout=PATIENCE_S, **request)
 
 
 def shown(visited: Visit, selector: str, words: str) -> None:

@@ -57,8 +57,12 @@ class Running:
         flies = re.match(r"falconer (run|serve) [a-z]", self.statement)
         sign = "mission started" if flies else UP
         until = time.monotonic() + LIMIT_S * busy()
-        while sign not in (said := self.log.read_text("utf-8", "replace")):
-            if self.process.poll() is not None or time.monotonic() > until:
+        while True:
+            over = self.process.poll() is not None or time.monotonic() > until
+            said = self.log.read_text("utf-8", "replace")  # afterwards: all that it has said
+            if sign in said:
+                return
+            if over:
                 self.process.kill()
                 raise BlockError(f"{self.statement} did not come up:\n{said}")
             time.sleep(0.05)

@@ -16,6 +16,7 @@ from server.api.security import (
     check_exposure,
     is_loopback,
 )
+from tests.patience import PATIENCE_S
 from tests.server.api.serving import Stage, client_of, served
 
 API = "/api/v1"
@@ -161,10 +162,10 @@ async def test_half_a_body_is_no_request() -> None:
 @pytest.mark.asyncio
 async def test_ten_megabytes_over_a_real_connection_get_their_answer() -> None:
     stage = Stage()
-    async with served(stage.app()) as address, httpx.AsyncClient() as client:
+    async with served(stage.app()) as address, httpx.AsyncClient(timeout=PATIENCE_S) as client:
         body = b"x" * (10 * 1024 * 1024)
         url = f"http://{address}{API}/missions/m1/comments"
-        answer = await client.post(url, content=body, timeout=20.0)
+        answer = await client.post(url, content=body)
         assert answer.status_code == 413
         assert answer.json()["error"]["code"] == "body_too_large"
         assert (await client.get(f"http://{address}/healthz")).status_code == 200
@@ -230,7 +231,7 @@ async def test_a_foreign_page_cannot_open_the_stream(headers: dict[str, str], st
         name, port = address.split(":")
         url = f"ws://{headers.get('host', address)}{API}/missions/m1/stream"
         origin = Origin(headers["origin"]) if "origin" in headers else None
-        opened = connect(url, origin=origin, host=name, port=int(port), open_timeout=10.0)
+        opened = connect(url, origin=origin, host=name, port=int(port), open_timeout=PATIENCE_S)
         with pytest.raises(InvalidStatus) as refused:
             await opened
     assert refused.value.response.status_code == status

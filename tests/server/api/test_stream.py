@@ -9,6 +9,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from server.api.models import MissionRequest
 from server.api.stream import CLOSE_GOING_AWAY, CLOSE_NOT_UNDERSTOOD, CLOSE_TOO_SLOW
 from server.encoding import EventKind, Severity
+from tests.patience import PATIENCE_S
 from tests.server.api.serving import Stage, served
 from tests.server.waiting import eventually
 
@@ -133,7 +134,7 @@ async def test_fifty_clients_read_the_same() -> None:
         await stage.service.start("m1", "operator")
 
         async def read_ten() -> list[float]:
-            async with connect(url(address)) as socket:
+            async with connect(url(address), open_timeout=PATIENCE_S) as socket:
                 return [(await received(socket))["time_s"] for _ in range(10)]
 
         read = await asyncio.gather(*(read_ten() for _ in range(50)))

@@ -54,9 +54,9 @@ async def serving(
         yield client
 
 
-async def state(client: httpx.AsyncClient, mission: str) -> str:
-    found: str = (await client.get(f"{API}/missions/{mission}")).json()["state"]
-    return found
+async def states_of(client: httpx.AsyncClient) -> tuple[str, ...]:
+    """All missions' states at one instant."""
+    return tuple([each["state"] for each in (await client.get(f"{API}/missions")).json()])
 
 
 @pytest.mark.asyncio
@@ -82,7 +82,7 @@ async def test_lockstep_missions_wait_for_their_turn_and_repeat_each_other(
             return bool(states) and states[-1] == ("ended", "ended", "ended")
 
         for _ in range(3000):
-            states.append(tuple([await state(client, m) for m in ("m1", "m2", "m3")]))
+            states.append(await states_of(client))
             assert states[-1][:2].count("running") <= 1
             if over():
                 break

@@ -15,6 +15,7 @@ import pytest
 
 from server.api.models import MissionRequest
 from server.cli.site import is_over
+from tests.patience import PATIENCE_S
 from tests.server.api.serving import Stage
 
 pytestmark = [pytest.mark.process]
@@ -76,7 +77,7 @@ async def role_of(line: str) -> str:
     """Open the link in a line as a browser would; return who one is then."""
     found = LINK.search(line)
     assert found is not None, line
-    async with httpx.AsyncClient(base_url=found[1], trust_env=False) as browser:
+    async with httpx.AsyncClient(base_url=found[1], trust_env=False, timeout=PATIENCE_S) as browser:
         opened = await browser.get(found[2])
         assert (opened.status_code, opened.headers["location"]) == (303, "/")
         session = (await browser.get("/api/v1/session")).json()

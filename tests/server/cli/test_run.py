@@ -9,9 +9,11 @@ from pathlib import Path
 
 import pytest
 
+from tests.patience import PATIENCE_S
+
 
 def falconer(
-    *arguments: str, cwd: Path | None = None, timeout_s: float = 50.0
+    *arguments: str, cwd: Path | None = None, timeout_s: float = PATIENCE_S
 ) -> subprocess.CompletedProcess[str]:
     environment = {k: v for k, v in os.environ.items() if not k.startswith("FALCONER_")}
     command = [sys.executable, "-m", "server.cli", *arguments]

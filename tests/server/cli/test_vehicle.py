@@ -8,10 +8,11 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from benchmarks.fleet import FALCONER, Fleet, free_port
+from benchmarks.fleet import FALCONER, Fleet, Running, free_port
 from server.cli.app import app
 from server.cli.errors import UsageError
 from tests.faults.commands import falconer
+from tests.patience import PATIENCE_S
 from tests.vehicles.buses import LOOPBACK
 from vehicles.keys import TeamKeys
 from vehicles.zenoh_bus import ZenohBus
@@ -116,6 +117,14 @@ def test_a_port_that_is_taken_is_said_at_once(command: tuple[str, ...]) -> None:
         assert f"cannot open {link}" in refusal((*command, "--connect", link, *engine))
 
 
+async def interrupted(running: Running) -> int:
+    """Press Ctrl-C; return the exit code once it has ended in order, however long that takes."""
+    running.send(signal.SIGINT)
+    async with asyncio.timeout(PATIENCE_S):
+        await running.process.wait()
+    return await running.end()
+
+
 @pytest.mark.process
 @pytest.mark.asyncio
 async def test_orders_are_carried_out_and_refused_with_no_planner_about() -> None:
@@ -133,6 +142,7 @@ async def test_orders_are_carried_out_and_refused_with_no_planner_about() -> Non
         bridge = await fleet.start(
             "bridge", (*FALCONER, *MAVLINK, *flown, "--allow-takeoff"), "the autopilot is heard"
         )
+        await bridge.until_said("robot 21 of team falcons: announced")
         for name, wanted, said in (
             ("land", 1, "refuses: land: it is on the ground"),
             ("take_off", 0, "robot 21: in the air"),
@@ -142,7 +152,7 @@ async def test_orders_are_carried_out_and_refused_with_no_planner_about() -> Non
             assert code == wanted, f"{words}\n{bridge.log}"
             assert said in words
         for running in (bridge, vehicle):
-            assert await running.end(signal.SIGINT) == 0
+            assert await interrupted(running) == 0
             assert "Traceback" not in running.log
         assert "setpoints taken, 0 ignored" in vehicle.log
 
@@ -155,6 +165,6 @@ async def test_an_interrupt_ends_a_bridge_that_waits_for_the_bus() -> None:
         command = (*FALCONER, *MAVLINK, *LINK, "--zenoh-connect", bus)
         bridge = await fleet.start("bridge", command, "listening for a vehicle")
         await asyncio.sleep(0.5)
-        assert await bridge.end(signal.SIGINT) == 0
+        assert await interrupted(bridge) == 0
         assert "waiting for the bus at" in bridge.log
         assert "Traceback" not in bridge.log

@@ -51,10 +51,10 @@ async def test_a_process_answers_pushes_and_ends_with_its_code() -> None:
     got: list[Frame] = []
     child = host(CHILD)
     running = asyncio.create_task(child.run(got.append))
-    assert await child.request("echo", {"text": "hä"}, timeout_s=20.0) == {"text": "hä"}
+    assert await child.request("echo", {"text": "hä"}, timeout_s=PATIENCE_S) == {"text": "hä"}
     assert got[0].data == {"type": "event", "seq": 1}
     with pytest.raises(ChannelClosed):
-        await child.request("exit", {"code": 7})
+        await child.request("exit", {"code": 7}, timeout_s=PATIENCE_S)
     assert await running == 7
     with pytest.raises(ChannelClosed):
         await child.request("echo")
@@ -64,7 +64,7 @@ async def test_a_process_answers_pushes_and_ends_with_its_code() -> None:
 async def test_cancelling_ends_the_process_by_end_of_file() -> None:
     child = host(CHILD, grace_s=20.0)
     running = asyncio.create_task(child.run(lambda frame: None))
-    await child.request("echo", timeout_s=20.0)
+    await child.request("echo", timeout_s=PATIENCE_S)
     pid = child.pid
     assert pid is not None
     running.cancel()
@@ -91,7 +91,7 @@ async def test_a_process_that_ignores_everything_is_killed() -> None:
 async def test_cancelling_twice_still_waits_for_the_end() -> None:
     child = host(CHILD, grace_s=20.0)
     running = asyncio.create_task(child.run(lambda frame: None))
-    await child.request("echo", timeout_s=20.0)
+    await child.request("echo", timeout_s=PATIENCE_S)
     pid = child.pid
     assert pid is not None
     for _ in range(3):
@@ -106,8 +106,8 @@ async def test_cancelling_twice_still_waits_for_the_end() -> None:
 async def test_a_killed_process_fails_what_is_pending() -> None:
     child = host(CHILD)
     running = asyncio.create_task(child.run(lambda frame: None))
-    await child.request("echo", timeout_s=20.0)
-    pending = asyncio.create_task(child.request("ignore", timeout_s=20.0))
+    await child.request("echo", timeout_s=PATIENCE_S)
+    pending = asyncio.create_task(child.request("ignore", timeout_s=PATIENCE_S))
     await asyncio.sleep(0)
     assert child.pid is not None
     os.kill(child.pid, signal.SIGKILL)

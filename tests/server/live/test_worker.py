@@ -223,4 +223,4 @@ async def test_an_embedded_model_that_dies_is_started_again_and_ends_with_the_mi
         assert snapshot(service)["state"] == "running"
         again = model_worker(planner)
         await service.stop("m1", "operator")
-    assert gone(again)
+    await eventually(lambda: gone(again))  # a planner that had to be killed leaves it to end itself
