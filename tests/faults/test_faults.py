@@ -238,7 +238,7 @@ async def test_one_of_two_links_lost(made: Team) -> None:
     assert used.used
     assert not spare.used
     began_s = monotonic()
-    await used.cut()
+    await made.cut(used)
     await until(lambda: spare.used, PATIENCE_S, "the other link")
     over_s = monotonic() - began_s
     await asyncio.sleep(1.0)
@@ -358,7 +358,7 @@ async def test_a_killed_planner_stops_the_team_and_another_flies_it(made: Team) 
 @pytest.mark.parametrize("outage_s", [1.0, 12.0])
 async def test_a_router_that_dies_and_comes_back(made: Team, outage_s: float) -> None:
     began_s = monotonic()
-    made.router.send(signal.SIGKILL)
+    made.kill_router()
     try:
         held_s = await made.until_held(STARTED, patience_s())
         await _stays_held(made, began_s + outage_s)
