@@ -7,7 +7,6 @@ can, and nothing of that may cost the page or the stream a moment.
 import asyncio
 import contextlib
 import json
-import os
 import sys
 from collections.abc import Sequence
 from http import HTTPStatus
@@ -18,6 +17,7 @@ from server.api.catalogue import Definition
 from server.api.errors import ServiceError
 from server.api.models import Clock, MissionInfo
 from server.api.service import MissionService
+from server.live.priority import give_way
 from server.mission.setup import GateMode
 from server.recording.errors import RecordingError
 from server.recording.reader import Recording, open_recording
@@ -25,9 +25,6 @@ from server.recording.shelf import Info, Shelf, Stamp
 
 FORK_S: Final = 300.0
 """Longest a fork may take."""
-
-NICENESS: Final = 10
-"""The live mission goes first."""
 
 MAX_REPLAYS: Final = 4
 """Shown at once."""
@@ -141,8 +138,7 @@ async def _computed(arguments: list[str]) -> dict[str, Any]:
         stdout=asyncio.subprocess.PIPE,
         stderr=asyncio.subprocess.PIPE,
     )  # fmt: skip
-    with contextlib.suppress(ProcessLookupError):
-        os.setpriority(os.PRIO_PROCESS, process.pid, NICENESS)
+    give_way(process.pid)
     try:
         async with asyncio.timeout(FORK_S):
             output, errors = await process.communicate()

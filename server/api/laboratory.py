@@ -22,6 +22,7 @@ import yaml
 
 from server.api.errors import ServiceError
 from server.live.host import end_process
+from server.live.priority import give_way
 
 log = structlog.get_logger(__name__)
 
@@ -33,8 +34,6 @@ LOOK_S: Final = 0.5
 """Between two looks at how many runs are on disk."""
 
 LONGEST_ERROR: Final = 500
-NICENESS: Final = 10
-"""The live mission goes first."""
 
 
 class Progress(StrEnum):
@@ -181,8 +180,7 @@ class Laboratory:
             start_new_session=True,
             env=_environment(),
         )
-        with contextlib.suppress(ProcessLookupError):
-            os.setpriority(os.PRIO_PROCESS, process.pid, NICENESS)
+        give_way(process.pid)
         counting = asyncio.create_task(_count_runs(made))
         try:
             printed, said = await process.communicate()
