@@ -113,7 +113,7 @@ class Gatekeeper:
         self._windows: list[_Window] = []
         self._told: dict[str, None] = {}
         self._attacks: dict[int, Attack] = {}
-        self._last: Snapshot | None = None
+        self._last = core.core.snapshot
 
     # ------------------------------------------------------------------ a proposal's way
 
@@ -340,14 +340,14 @@ class Gatekeeper:
 
     def _note_repair(self, snapshot: Snapshot) -> None:
         """Write the card of a repair, which the core makes by itself and at once."""
-        before, after = self._last, snapshot.directives
-        if before is None or after.assignment_source is not Source.REPAIR:
+        before, after = self._last.directives, snapshot.directives
+        if after.assignment_source is not Source.REPAIR or after == before:
             return
-        if after.assignment_since_s != snapshot.time_s or after == before.directives:
+        if after.assignment_since_s != snapshot.time_s:
             return
         name = f"repair-{snapshot.tick}"
         proposal = Proposal(id=name, source=Source.REPAIR, asked_s=snapshot.time_s)
-        changes = changes_between(before.directives, after)
+        changes = changes_between(before, after)
         card = self._card(proposal, changes, Verdict(name), snapshot)
         self._overlap(card.id)
         self._keep(replace(card, status=Status.ADOPTED, decided_s=snapshot.time_s))

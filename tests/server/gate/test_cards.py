@@ -160,6 +160,16 @@ def test_a_repair_has_its_card() -> None:
     assert {row.robot_id for row in card.changes.assignment} == {21, 22}
 
 
+def test_a_repair_in_the_first_tick_of_a_mission_that_was_brought_back_has_its_card() -> None:
+    bench = Bench(GateMode.AUTO)
+    bench.keeper = Gatekeeper(bench.core, GateMode.AUTO, made=4)
+    bench.core.observe(LinkChange(21, Link.LOST, "gone"))
+    bench.tick()
+    (card,) = bench.keeper.cards()
+    assert (card.id, card.source, card.status) == ("d5", Source.REPAIR, Status.ADOPTED)
+    assert {row.robot_id for row in card.changes.assignment} >= {22}
+
+
 def test_a_card_cites_what_the_proposal_was_made_from() -> None:
     bench = Bench(GateMode.AUTO)
     bench.core.observe(Attack(21, ZoneKind.SENSING, sensing_zone("s1"), 0.0))
