@@ -50,4 +50,4 @@ def stand_in(
         return None
     pace = Pace(LoopClock(NEVER_S, now() + NEVER_S), now)
     loop = SolverLoop(pace, ExactSolver(setup), snapshot, propose)
-    return StandIn(loop, Relief(setup.loops.task_period_s, now()))
+    return StandIn(loop, Relief(setup.loops.task_period_s, max(0.0, snapshot().time_s)))
