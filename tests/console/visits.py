@@ -52,6 +52,10 @@ def staged(*options: str) -> Iterator[Staged]:
             process.stdout.close()
 
 
+PAINTED = "() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
+"""Until it has painted a page for the first time, a browser drops what is typed at it."""
+
+
 @dataclass
 class Visit:
     """One browser window on the console, and what went wrong in it."""
@@ -69,6 +73,7 @@ def visit(context: BrowserContext, address: str, scene: Literal["drawn", "blank"
     found = Visit(page, listen(page, address))
     page.goto(address)
     expect(page.locator(".team tbody tr")).to_have_count(4, timeout=TIMEOUT_MS)
+    page.evaluate(PAINTED)
     return found
 
 
