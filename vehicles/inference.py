@@ -58,7 +58,7 @@ class JammingMap:
 
     @property
     def silent(self) -> tuple[Point, ...]:
-        """Places where it was not heard since it last fell silent, some way apart, metres."""
+        """Places where it is not heard, some way apart, metres; none once it is heard again."""
         return tuple(self._places)
 
     def note(self, now_s: float, position: Point, *, heard: bool) -> None:
@@ -77,9 +77,9 @@ class JammingMap:
             now_s,
         )
         self._noted_s, self._silent = now_s, not heard
-        if struck:
+        if heard:
             self._places.clear()
-        if not heard and len(self._places) < MOST_PLACES:
+        elif len(self._places) < MOST_PLACES:
             away = (dist(position, place) for place in self._places)
             if min(away, default=APART_M) >= APART_M:
                 self._places.append(position)

@@ -88,7 +88,8 @@ class OnboardPilot:
             raise ValueError(
                 f"robot {self.robot_id} was told what robot {knowledge.robot_id} knows"
             )
-        self._begin_map(knowledge.rules)
+        if self._knowledge is None or self._knowledge.mission != knowledge.mission:
+            self._begin_map(knowledge.rules)
         self._knowledge = knowledge
         self._inferred = ()
         told = {zone.id for zone in knowledge.zones}
@@ -197,9 +198,7 @@ class OnboardPilot:
         return TrackReport(self.robot_id, tuple(tracks), tuple(self._revealed.values()), silent)
 
     def _begin_map(self, rules: FlightRules) -> None:
-        """Begin a map of jamming where the rules ask for one; another one where they change."""
-        if self._knowledge is not None and rules.inference == self._knowledge.rules.inference:
-            return
+        """Begin the map of a mission's jamming, where its rules ask for one."""
         asked = rules.inference
         self._jamming = (
             None if asked is None else JammingMap(asked, rules.field_lower, rules.field_upper)

@@ -72,8 +72,9 @@ def test_it_remembers_where_it_was_not_heard_some_way_apart() -> None:
     assert len(own.silent) == 0
     for step in range(12):
         own.note(STEP_S * (30 + step), (0.07 * step, 0.0), heard=False)
-    own.note(STEP_S * 50, (1.0, 0.0), heard=True)
     assert np.array(own.silent)[:, 0] == pytest.approx([0.0, 0.21, 0.42, 0.63])
+    own.note(STEP_S * 50, (1.0, 0.0), heard=True)
+    assert len(own.silent) == 0, "it has told them when it came back"
     own.note(STEP_S * 51, (3.0, 0.0), heard=False)
     assert list(own.silent) == [(3.0, 0.0)], "the next time is another one"
     for step in range(1000):

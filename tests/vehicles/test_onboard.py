@@ -291,6 +291,18 @@ def test_what_it_has_learnt_is_not_forgotten_when_it_is_told_again() -> None:
     assert len(planner.problems[-1].communication.centres) == 1
 
 
+def test_another_mission_has_zones_of_its_own() -> None:
+    planner = Recorder()
+    pilot = silenced(planner, inference=INFERENCE)
+    pilot.plan(10.2, HERE, STILL, BUDGET)
+    other = with_rules(replace(knowledge(), mission="m2", zones=()), inference=INFERENCE)
+    pilot.learn(other)
+    pilot.note(12.0, (-0.5, 0.0), heard=True)
+    pilot.lost_link(12.2)
+    pilot.plan(12.4, (-0.5, 0.0), STILL, BUDGET)
+    assert planner.problems[-1].communication.centres.shape == (0, 2)
+
+
 def test_nothing_is_inferred_where_zones_reveal_themselves() -> None:
     planner = Recorder()
     pilot = silenced(planner)
