@@ -36,14 +36,21 @@ def pytest_configure() -> None:
     settings.load_profile("falconer")
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Let what other processes time fail once: the summary names it, and twice is a failure.
+def timed_by_others(item: pytest.Item) -> bool:
+    """Whether events of a test come from other processes."""
+    return any(item.get_closest_marker(name) for name in TIMED_BY_OTHERS)
 
-    A test that only passed at its second run has shown a race, of its own or of the product's.
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Let what other processes time come last, and fail once.
+
+    What this process decides alone is told soonest, and need not have the machine to itself. Of the
+    others the summary names each that had to run twice, and twice is a failure: a test that only
+    passed at its second run has shown a race, of its own or of the product's.
     """
-    for item in items:
-        if any(item.get_closest_marker(name) for name in TIMED_BY_OTHERS):
-            item.add_marker(pytest.mark.flaky(reruns=1))
+    items.sort(key=timed_by_others)
+    for item in filter(timed_by_others, items):
+        item.add_marker(pytest.mark.flaky(reruns=1))
 
 
 @pytest.fixture(scope="session")

@@ -36,8 +36,11 @@ const falconer = {
   },
 
   async steer(op) {
-    if (!this.mission) return;
     const name = op === "hold" ? "Hold" : "Resume";
+    if (!this.mission) {
+      this.tell(`${name} did nothing: this page knows of no mission yet.`);
+      return;
+    }
     const slow = setTimeout(
       () => this.tell(`${name} is on its way: the server has not answered yet.`), SLOW_MS);
     try {

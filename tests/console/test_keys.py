@@ -69,3 +69,11 @@ def test_a_server_that_does_not_answer_is_told_of(console: Visit) -> None:
     shown(console, "#notice", "Hold is on its way: the server has not answered yet.")
     waiting[0].continue_()
     shown(console, ".mission .chip", "held")
+
+
+def test_hold_says_so_where_there_is_nothing_to_hold(console: Visit) -> None:
+    page = console.page
+    asked = requests(page, "hold")
+    page.evaluate("falconer.show('', 'unknown'); falconer.steer('hold')")
+    shown(console, "#notice", "Hold did nothing: this page knows of no mission yet.")
+    assert asked == []

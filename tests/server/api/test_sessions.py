@@ -96,17 +96,17 @@ def forged(**changes: Any) -> str:
 
 @pytest.mark.asyncio
 @pytest.mark.parametrize(
-    ("what", "cookie"),
+    "cookie",
     [
-        ("another secret", forged(secret="another secret altogether")),
-        ("before a token was changed", forged(tokens=(ADMIN, OPERATOR, "old-viewer-token"))),
-        ("payload changed", "e30" + forged()[3:]),
-        ("signature cut", forged()[:-2]),
-        ("signature only", "." + forged().rsplit(".", 1)[1]),
-        ("empty", ""),
+        pytest.param(forged(secret="another secret altogether"), id="another secret"),
+        pytest.param(forged(tokens=(ADMIN, OPERATOR, "old-viewer-token")), id="older tokens"),
+        pytest.param("e30" + forged()[3:], id="payload changed"),
+        pytest.param(forged()[:-2], id="signature cut"),
+        pytest.param("." + forged().rsplit(".", 1)[1], id="signature only"),
+        pytest.param("", id="empty"),
     ],
 )
-async def test_a_forged_cookie_opens_nothing(what: str, cookie: str) -> None:
+async def test_a_forged_cookie_opens_nothing(cookie: str) -> None:
     async with fort() as fortress:
         headers = {"cookie": f"falconer_session_8000={cookie}"}
         await refused(fortress, "GET", f"{API}/missions", 401, headers=headers)
