@@ -35,7 +35,7 @@ mixed: setup ## fly simulated robots and MAVLink autopilots in one team (PORT=n)
 test: setup-dev setup-local ## run the tests (PYTEST_ARGS="..." narrows them)
 	@scripts/browser $(BIN)
 	@scripts/postgres
-	$(BIN)/python -m pytest $(PYTEST_ARGS)
+	$(BIN)/python -m pytest --numprocesses 2 $(PYTEST_ARGS)
 
 lint: setup-dev floors ## check style, formatting, types and floors
 	$(BIN)/ruff check .

@@ -10,8 +10,10 @@ from tempfile import mkdtemp
 
 import pytest
 from hypothesis import settings
+from xdist.remote import Producer
 
 from tests.network import block_network
+from tests.sharing import BothEnds
 
 TIMED_BY_OTHERS = ("browser", "process", "sockets")
 """Markers of tests whose events come from outside this process, in no fixed order."""
@@ -42,15 +44,23 @@ def timed_by_others(item: pytest.Item) -> bool:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Let what other processes time come last, and fail once.
+    """Let what other processes time come first, file by file, and fail once.
 
-    What this process decides alone is told soonest, and need not have the machine to itself. Of the
-    others the summary names each that had to run twice, and twice is a failure: a test that only
-    passed at its second run has shown a race, of its own or of the product's.
+    The summary names each test that had to run twice, and twice is a failure: one that only passed
+    at its second run has shown a race, of its own or of the product's.
     """
-    items.sort(key=timed_by_others)
-    for item in filter(timed_by_others, items):
+    timed = list(filter(timed_by_others, items))
+    for item in timed:
         item.add_marker(pytest.mark.flaky(reruns=1))
+    files = {item.path for item in timed}
+    items.sort(key=lambda item: item.path not in files)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> BothEnds:
+    """Share the tests between the processes of `--numprocesses`."""
+    config.option.loadscopereorder = False
+    return BothEnds(config, log)
 
 
 @pytest.fixture(scope="session")

@@ -1,10 +1,11 @@
 """Every code block of README and docs/ is run: in order, page by page, in a scratch folder.
 
 `rules` says how each command is run, and lists the few that other tests run. Pages are run side by
-side, two at a time.
+side, two at a time where no other tests run.
 """
 
 import json
+import os
 import re
 import subprocess
 import sys
@@ -21,7 +22,7 @@ from tests.docs.sessions import BlockError, Memory, Session
 ROOT = Path(__file__).resolve().parents[2]
 BLOCKS = blocks(ROOT)
 SHELL = [block for block in BLOCKS if block.language == "sh"]
-SIDE_BY_SIDE = 2
+SIDE_BY_SIDE = 1 if "PYTEST_XDIST_WORKER" in os.environ else 2
 SCRIPT = """
 name: short
 mission: {scenario: demo, llm: mock}

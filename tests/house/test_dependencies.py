@@ -23,6 +23,7 @@ TOOLS = {
     "mypy": "make lint",
     "pytest-asyncio": "plug-in of pytest",
     "pytest-rerunfailures": "plug-in of pytest",
+    "pytest-xdist": "plug-in of pytest",
     "pytest-timeout": "plug-in of pytest",
     "ruff": "make lint",
     "schemathesis": "benchmarks.fuzz runs its command",
