@@ -59,8 +59,8 @@ def test_make_run_does_what_the_first_page_says() -> None:
     assert "falconer run hardware --port 8123" in _make(
         "-n", "run", "SCENARIO=hardware", "PORT=8123"
     )
-    assert _make("-n", "test").strip().endswith(".venv/bin/python -m pytest")
-    assert _make("-n", "test", "PYTEST_ARGS=-x").strip().endswith("-m pytest -x")
+    assert _make("-n", "test").strip().endswith("pytest --numprocesses 2")
+    assert _make("-n", "test", "PYTEST_ARGS=-x").strip().endswith("--numprocesses 2 -x")
 
 
 # ------------------------------------------------------------------------- --help
