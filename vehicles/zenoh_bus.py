@@ -43,8 +43,8 @@ TELL_AFTER_S, TELL_EVERY_S = 5.0, 60.0
 """When a session that waits for its first connection says so in the log."""
 
 ASKED_AGAIN_AFTER_S = (0.05, 0.2)
-"""Nobody holds a token when nobody says so three times: on a starved machine Zenoh now and then ends
-an answer that has not begun."""
+"""Nobody holds a token when three answers are empty: on a starved machine Zenoh now and then ends
+one that has not begun."""
 
 ResultT = TypeVar("ResultT")
 
