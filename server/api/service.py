@@ -272,7 +272,7 @@ class MissionService:
                 raise another_flies(other.id)
             await launch(record, self._processes)
             self.hindsight.keep_past(record, self._missions.values())
-            self.chronicle.state(record.id, record.state.value, "started", author, record.time_s)
+            await self.chronicle.final(record.id, record.state, "started", author, record.time_s)
         log.info("mission started", mission=record.id, author=author)
         return record.info()
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from contextlib import AbstractAsyncContextManager
+from itertools import groupby
 
 import pytest
 
@@ -99,10 +100,11 @@ async def test_tokens_appear_and_disappear(pair: Pair) -> None:
         assert await two.present(KEYS.alive(8)) == ()
         await token.close()
         await until(lambda: early.take()[-1].kind is SampleKind.DELETE)
-        assert [(s.key, s.kind) for s in early.take()] == [
-            (KEYS.alive(7), SampleKind.PUT),
-            (KEYS.alive(7), SampleKind.DELETE),
-        ]
+        told = early.take()
+        assert {sample.key for sample in told} == {KEYS.alive(7)}
+        # Zenoh may say twice that somebody is there.
+        kinds = [kind for kind, _ in groupby(sample.kind for sample in told)]
+        assert kinds == [SampleKind.PUT, SampleKind.DELETE]
         await until(lambda: late.take()[-1].kind is SampleKind.DELETE)
         assert await one.present(KEYS.alive(None)) == ()
 

@@ -170,6 +170,17 @@ async def test_after_a_crash_missions_come_back(tmp_path: Path) -> None:
 
 
 @pytest.mark.asyncio
+async def test_a_start_that_was_acknowledged_outlasts_a_crash(tmp_path: Path) -> None:
+    stage = Stage()
+    async with stage.service:
+        await stage.service.create(REQUEST, "operator")
+        await stage.service.start("m1", "operator")
+        after = crashed(stage, tmp_path / "crashed")
+    async with after.service:
+        assert after.service.mission("m1").state == "held"
+
+
+@pytest.mark.asyncio
 async def test_after_an_orderly_end_nothing_goes_on() -> None:
     stage = Stage()
     async with stage.service:
