@@ -71,7 +71,7 @@ def test_a_changed_lock_renews_the_installation(root: Path, tmp_path: Path) -> N
         made(Path(shutil.copy(file, tmp_path)))
     stamps = tmp_path / ".venv"
     (stamps / "bin").mkdir(parents=True)
-    for name in ("bin/python", ".setup", ".setup-dev", ".setup-local"):
+    for name in ("bin/python", ".packages", ".setup", ".setup-dev", ".setup-local"):
         made(stamps / name)
     assert _run(["make", "-q", "setup", "setup-dev", "setup-local"], tmp_path).returncode == 0
     made(tmp_path / "requirements-local.lock")
