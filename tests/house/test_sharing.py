@@ -16,13 +16,12 @@ class Worker:
 
     def __init__(self) -> None:
         self.told: list[str] = []
-        self.ended = False
 
     def send_runtest_some(self, indices: list[int]) -> None:
         self.told += [TESTS[index] for index in indices]
 
     def shutdown(self) -> None:
-        self.ended = True
+        """End; nothing is left to run."""
 
 
 def files(worker: Worker) -> list[str]:

@@ -4,10 +4,14 @@ import asyncio
 import json
 import socket
 import threading
+from collections.abc import Iterable
 from pathlib import Path
 from time import monotonic
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
+import zenoh
 
 from tests.patience import PATIENCE_S, patience_s
 from tests.vehicles.buses import KEYS, LOOPBACK, Reader, reaches, until
@@ -164,6 +168,37 @@ async def test_a_session_that_opens_after_it_was_given_up_is_closed(
     with pytest.raises(asyncio.CancelledError):
         await opening
     assert closed.is_set()
+
+
+class Starved:
+    """A session whose first answers about tokens end before they begin."""
+
+    def __init__(self, session: zenoh.Session, empty: int) -> None:
+        self._session = session
+        self._empty = empty
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._session, name)
+
+    def liveliness(self) -> Any:
+        true = self._session.liveliness()
+        return SimpleNamespace(declare_token=true.declare_token, get=self._ask)
+
+    def _ask(self, key_expr: str, timeout: float) -> Iterable[zenoh.Reply]:
+        self._empty -= 1
+        return () if self._empty >= 0 else self._session.liveliness().get(key_expr, timeout=timeout)
+
+
+@pytest.mark.asyncio
+@pytest.mark.parametrize(("empty", "found"), [(2, (KEYS.alive(7),)), (3, ())])
+async def test_two_empty_answers_hide_nobody(
+    monkeypatch: pytest.MonkeyPatch, empty: int, found: tuple[str, ...]
+) -> None:
+    opened = zenoh.open
+    monkeypatch.setattr("zenoh.open", lambda settings: Starved(opened(settings), empty))
+    async with ZenohBus(ROUTER, KEYS.delivery) as bus:
+        await bus.announce(KEYS.alive(7))
+        assert await bus.present(KEYS.alive(None)) == found
 
 
 @pytest.mark.asyncio
